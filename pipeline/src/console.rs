@@ -30,7 +30,7 @@ const REFUSED: usize = Verb::ALL.len();
 
 /// What a person says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
-pub enum Said {
+pub enum ScriptCommand {
     /// Allow actuation.
     Arm,
     /// Forbid actuation.
@@ -51,7 +51,7 @@ pub enum Said {
     Accept,
 }
 
-impl Said {
+impl ScriptCommand {
     /// The input that states whether the command was accepted; `None` where no operator answers it.
     pub fn answered_on(self) -> Option<usize> {
         match self {
@@ -83,7 +83,7 @@ pub struct ScriptedCommand {
     #[param(unit = "ns")]
     pub at: u64,
     /// The command.
-    pub say: Said,
+    pub say: ScriptCommand,
     /// Values of it, SI units.
     #[param(default = "[]")]
     pub values: Vec<f64>,
@@ -110,13 +110,13 @@ pub struct Console {
     waiting: Option<Waiting>,
     every: u64,
     /// Session time up to which the script was said, ns; `None` before the first activation.
-    said: Option<u64>,
+    issued: Option<u64>,
 }
 
 /// A command of the script, checked.
 struct Line {
     at: u64,
-    said: Said,
+    issued: ScriptCommand,
     repeat: Option<u64>,
     command: Command,
 }
@@ -125,7 +125,7 @@ struct Line {
 struct Waiting {
     line: Line,
     /// When it is said again, ns of session time.
-    again: u64,
+    repeats: u64,
     /// How often it was said.
     times: u32,
     /// The number of the reference when it was said first.
@@ -203,29 +203,35 @@ impl Operator for Console {
             )));
         }
         let inbox = setup.outside.inbox.clone();
-        Ok(Self { inbox, script: script.into(), waiting: None, every: setup.every.unwrap_or(0), said: None })
+        Ok(Self {
+            inbox,
+            script: script.into(),
+            waiting: None,
+            every: setup.every.unwrap_or(0),
+            issued: None,
+        })
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let now = activation.tick.saturating_mul(self.every);
         // A console that was restarted does not say again what its earlier life has said.
-        let from = match (self.said, activation.key.incarnation) {
-            (Some(said), _) => said + 1,
+        let from = match (self.issued, activation.key.incarnation) {
+            (Some(issued), _) => issued + 1,
             (None, 0) => 0,
             (None, _) => now,
         };
-        if self.said.is_none() {
+        if self.issued.is_none() {
             self.script.retain(|line| line.at >= from);
         }
-        self.said = Some(now);
+        self.issued = Some(now);
         let actuation = activation.input::<Actuation>(ACTUATION).and_then(|view| view.first().copied());
         let report = activation.input::<PoseReport>(REPORT).and_then(|view| view.first().copied());
         if let Some(mut waiting) = self.waiting.take()
             && let Err(why) =
-                accepted(waiting.line.said, waiting.reference, actuation.as_ref(), report.as_ref())
+                accepted(waiting.line.issued, waiting.reference, actuation.as_ref(), report.as_ref())
         {
-            if now >= waiting.again {
-                let (verb, times) = (waiting.line.said.verb(), waiting.times);
+            if now >= waiting.repeats {
+                let (verb, times) = (waiting.line.issued.verb(), waiting.times);
                 let reason = format!("{} said again: {why}", verb.word());
                 outputs.send::<Rejection>(
                     REFUSED,
@@ -233,7 +239,7 @@ impl Operator for Console {
                 )?;
                 send(&waiting.line.command, outputs)?;
                 waiting.times += 1;
-                waiting.again = now.saturating_add(waiting.line.repeat.unwrap_or(u64::MAX));
+                waiting.repeats = now.saturating_add(waiting.line.repeat.unwrap_or(u64::MAX));
             }
             self.waiting = Some(waiting);
         }
@@ -244,7 +250,8 @@ impl Operator for Console {
             send(&line.command, outputs)?;
             if let Some(repeat) = line.repeat {
                 let reference = report.map_or(0, |report| report.reference);
-                self.waiting = Some(Waiting { again: now.saturating_add(repeat), times: 1, reference, line });
+                self.waiting =
+                    Some(Waiting { repeats: now.saturating_add(repeat), times: 1, reference, line });
             }
         }
         while let Some(command) = self.inbox.take() {
@@ -263,13 +270,13 @@ impl ConsoleParams {
 
 /// Whether a command was accepted; else why not, as far as it is known.
 fn accepted(
-    said: Said,
+    issued: ScriptCommand,
     reference: u32,
     actuation: Option<&ActuationElement>,
     report: Option<&PoseReportElement>,
 ) -> Result<(), String> {
-    match said {
-        Said::Arm => {
+    match issued {
+        ScriptCommand::Arm => {
             let actuation = actuation.ok_or("the valves have not answered")?;
             if actuation.state() != ActuationState::Disarmed {
                 return Ok(());
@@ -281,10 +288,10 @@ fn accepted(
                 lacking.join(", ")
             })
         }
-        Said::Capture | Said::Confirm => {
+        ScriptCommand::Capture | ScriptCommand::Confirm => {
             let report = report.ok_or("the tracker has not answered")?;
-            let is_done = match said {
-                Said::Capture => report.reference > reference,
+            let is_done = match issued {
+                ScriptCommand::Capture => report.reference > reference,
                 _ => report.confirmed == 1,
             };
             let word = PoseStatus::from_number(report.status).map_or("unknown status", PoseStatus::word);
@@ -306,7 +313,7 @@ fn command(line: &ScriptedCommand) -> Result<Line, SetupError> {
         Command { verb: line.say.verb() as u32, given: line.values.len() as u32, ..Command::default() };
     command.values[..line.values.len()].copy_from_slice(&line.values);
     command.by[..6].copy_from_slice(b"script");
-    Ok(Line { at: line.at, said: line.say, repeat: line.repeat, command })
+    Ok(Line { at: line.at, issued: line.say, repeat: line.repeat, command })
 }
 
 fn send(command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {

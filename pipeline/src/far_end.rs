@@ -50,8 +50,9 @@ impl FarEnd {
     /// Takes the clock of the other host. Gives whether it is another one than that told before.
     fn take_clock(&mut self, clock: Option<ClockOffset>) -> bool {
         let Some(clock) = clock else { return false };
-        let is_known = self.clock.is_some_and(|told| {
-            told.offset.abs_diff(clock.offset) <= told.uncertainty.max(clock.uncertainty).unsigned_abs()
+        let is_known = self.clock.is_some_and(|reported| {
+            reported.offset.abs_diff(clock.offset)
+                <= reported.uncertainty.max(clock.uncertainty).unsigned_abs()
         });
         if !is_known {
             self.clock = Some(clock);

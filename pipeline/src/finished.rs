@@ -7,32 +7,32 @@ use crate::operator::Role;
 
 /// The operators that have finished.
 pub struct Finished {
-    said: Vec<bool>,
+    message: Vec<bool>,
 }
 
 impl Finished {
     /// None yet.
     pub fn new(graph: &Graph) -> Self {
-        Self { said: vec![false; graph.operators.len()] }
+        Self { message: vec![false; graph.operators.len()] }
     }
 
     /// Takes an entry. A new incarnation starts as not finished.
     pub fn enter(&mut self, operator: usize, entry: &Entry) {
         if entry.cause() == Some(Cause::Start) {
-            self.said[operator] = false;
+            self.message[operator] = false;
         }
-        self.said[operator] |= entry.outcome() == Some(Outcome::Finished);
+        self.message[operator] |= entry.outcome() == Some(Outcome::Finished);
     }
 
     /// Whether an operator has finished.
     pub fn has(&self, operator: usize) -> bool {
-        self.said[operator]
+        self.message[operator]
     }
 
     /// Whether no operator can send any more: each has finished, or all its producers are over. A source is over only
     /// when it says so; a cycle is never over.
     pub fn is_all(&self, graph: &Graph) -> bool {
-        let mut over = self.said.clone();
+        let mut over = self.message.clone();
         loop {
             let next = graph.operators.iter().enumerate().find(|(number, node)| {
                 let mut producers = node.inputs.iter().filter_map(|i| i.edge).map(|e| e.operator).peekable();

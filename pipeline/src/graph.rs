@@ -34,12 +34,12 @@ pub struct Graph {
     /// The planning pools that operators of this pipeline reach over the network.
     pub pools: Vec<PoolNode>,
     /// Which part of a pipeline this is; `None`: all of it.
-    pub part: Option<Part>,
+    pub part: Option<HostedPart>,
 }
 
 /// A part of a pipeline: what one host runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct HostedPart {
     /// The host.
     pub host: String,
     /// Name of the whole pipeline.

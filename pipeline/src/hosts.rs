@@ -1,7 +1,7 @@
 //! A pipeline in parts: the operators of one host, which run without the others.
 
 use crate::config::near::shown;
-use crate::graph::{Graph, OperatorNode, Part, Priority, ProcessNode, Record, Restart, Wire};
+use crate::graph::{Graph, HostedPart, OperatorNode, Priority, ProcessNode, Record, Restart, Wire};
 
 /// The host of processes that name none.
 pub const MAIN: &str = "main";
@@ -60,7 +60,7 @@ impl Graph {
         let processes = renumbered((0..homes.len()).map(stays));
         let elsewhere =
             self.operators.iter().filter(|o| !stays(o.process)).flat_map(|o| o.files.clone()).collect();
-        self.part = Some(Part { host: host.to_owned(), pipeline: self.name.clone(), files: elsewhere });
+        self.part = Some(HostedPart { host: host.to_owned(), pipeline: self.name.clone(), files: elsewhere });
         self.operators.retain(|o| stays(o.process));
         for node in &mut self.operators {
             node.process = processes[node.process];

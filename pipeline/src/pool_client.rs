@@ -104,8 +104,8 @@ impl Operator for PoolClient {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(arrivals) = &self.arrivals else {
             // Now and then: the operator that asks may have been started again.
-            let is_due = activation.tick.is_multiple_of((SAYS_SO / self.every).max(1));
-            if activation.cause == stillpoint_samples::Cause::Timer && is_due {
+            let is_time = activation.tick.is_multiple_of((SAYS_SO / self.every).max(1));
+            if activation.cause == stillpoint_samples::Cause::Timer && is_time {
                 let body = PoolMessageBody { word: PoolWord::NoNetwork as u32, ..PoolMessageBody::default() };
                 outputs.send_slice::<PoolMessage>(MESSAGES, &body, &[])?;
             }

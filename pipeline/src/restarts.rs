@@ -21,7 +21,7 @@ pub struct Restarts {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// What failed begins again at this time, ns.
-    Again {
+    RestartAt {
         /// Session time, ns.
         at: u64,
     },
@@ -55,7 +55,7 @@ impl Restarts {
                 self.in_a_row = self.in_a_row.saturating_add(1);
                 let at = now.saturating_add(wait);
                 self.began = Some(at);
-                Answer::Again { at }
+                Answer::RestartAt { at }
             }
         }
     }
@@ -76,7 +76,7 @@ mod tests {
         let (mut now, mut waits) = (0, Vec::new());
         loop {
             match restarts.failed(now) {
-                Answer::Again { at } if waits.len() < most => {
+                Answer::RestartAt { at } if waits.len() < most => {
                     waits.push(at - now);
                     now = at + after;
                 }
@@ -103,7 +103,7 @@ mod tests {
     fn after_a_calm_they_count_from_zero() {
         let (waits, last) = fail_on(policy(), CALM + 1, 20);
         assert_eq!(waits, [100 * MS; 20]);
-        assert!(matches!(last, Answer::Again { .. }));
+        assert!(matches!(last, Answer::RestartAt { .. }));
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl SessionRecorder {
     ) -> Result<(), WriteError> {
         let stamp = entry.header.stamp;
         self.last = self.last.max(stamp);
-        let (journal, kept) = &self.topics[operator];
+        let (journal, retained) = &self.topics[operator];
         if let Some(journal) = journal {
             let (header, body, refs) =
                 (entry.header.as_bytes(), entry.body.as_bytes(), entry.refs.as_bytes());
@@ -172,7 +172,7 @@ impl SessionRecorder {
             self.part.write(*journal, stillpoint_samples::Pieces { meta, payload }, stamp)?;
         }
         for (port, owned) in outputs {
-            if let Some(topic) = kept.get(port) {
+            if let Some(topic) = retained.get(port) {
                 self.part.write(*topic, owned.pieces(), stamp)?;
             }
         }
@@ -195,8 +195,8 @@ impl Observer for SessionRecorder {
         outputs: &[(usize, OwnedSample)],
     ) -> Result<(), String> {
         self.write(operator, entry, outputs).map_err(|e| {
-            let said = SessionError::no_room(&self.path, e).to_string();
-            self.refused.get_or_insert(said).clone()
+            let message = SessionError::no_room(&self.path, e).to_string();
+            self.refused.get_or_insert(message).clone()
         })
     }
 }

@@ -7,7 +7,7 @@ use mcap::McapError;
 use mcap::write::NoSeek;
 
 use crate::encoded::Encoded;
-use crate::form::{Beside, Form, Shared};
+use crate::form::{Companion, Form, Shared};
 use crate::topic::TopicInfo;
 
 /// Channels that one topic may have; samples that would need more are recorded in their own form.
@@ -19,7 +19,7 @@ pub(crate) struct Topic {
     pub channels: BTreeMap<(Form, Shared), u16>,
     /// The last channel used: nearly always the next one too.
     pub last: Option<(Form, Shared, u16)>,
-    pub beside: BTreeMap<(Beside, Shared), u16>,
+    pub companion: BTreeMap<(Companion, Shared), u16>,
 }
 
 /// The file.
@@ -27,7 +27,7 @@ pub(crate) type Out<W> = mcap::Writer<NoSeek<W>>;
 
 impl Topic {
     pub fn new(info: TopicInfo) -> Self {
-        Self { info, channels: BTreeMap::new(), last: None, beside: BTreeMap::new() }
+        Self { info, channels: BTreeMap::new(), last: None, companion: BTreeMap::new() }
     }
 
     /// Whether the topic has a channel for samples in this form that share this, or may have one more.
@@ -74,36 +74,36 @@ impl Topic {
     }
 
     /// The channel of the messages beside samples such as this one.
-    pub fn channel_beside<W: Write>(
+    pub fn companion_channel<W: Write>(
         &mut self,
         out: &mut Out<W>,
-        beside: Beside,
+        companion: Companion,
         sample: &Encoded,
     ) -> Result<u16, McapError> {
         let shared = &sample.shared;
-        if let Some(channel) = self.beside.get(&(beside, shared.clone())) {
+        if let Some(channel) = self.companion.get(&(companion, shared.clone())) {
             return Ok(*channel);
         }
         let mut metadata = qos();
-        metadata.insert(BESIDE.to_owned(), self.info.name.clone());
+        metadata.insert(COMPANION.to_owned(), self.info.name.clone());
         metadata.extend(shared.entries(sample.form));
-        let name = beside.channel(&ros_name(&self.info.name));
-        let channel = add_channel(out, &name, beside.schema(), &metadata)?;
-        self.beside.insert((beside, shared.clone()), channel);
+        let name = companion.channel(&ros_name(&self.info.name));
+        let channel = add_channel(out, &name, companion.schema(), &metadata)?;
+        self.companion.insert((companion, shared.clone()), channel);
         Ok(channel)
     }
 }
 
 /// Entry of a channel for viewers: the session's name of the topic whose samples its messages are made from, or nothing
 /// where they are made from those of several.
-pub(crate) const BESIDE: &str = "stillpoint.beside";
+pub(crate) const COMPANION: &str = "stillpoint.beside";
 
 /// The channel of `/tf`.
 pub(crate) fn add_transforms<W: Write>(out: &mut Out<W>) -> Result<u16, McapError> {
     let mut metadata = qos();
-    metadata.insert(BESIDE.to_owned(), String::new());
-    let name = Beside::Transform.channel("");
-    add_channel(out, &name, Beside::Transform.schema(), &metadata)
+    metadata.insert(COMPANION.to_owned(), String::new());
+    let name = Companion::Transform.channel("");
+    add_channel(out, &name, Companion::Transform.schema(), &metadata)
 }
 
 /// Entry of a channel: the session's name of its topic.

@@ -9,7 +9,7 @@ use stillpoint_samples::{Cause, Entry};
 use crate::account::{DAMAGED_PLACES, END_RECORD, Lost, RECOVERED_RECORD};
 use crate::ended::Ended;
 use crate::journal::{outputs, times};
-use crate::part::Part;
+use crate::part::SessionPart;
 use crate::session::Session;
 use crate::topic::Role;
 
@@ -173,7 +173,7 @@ fn gaps(session: &Session) -> Vec<Gap> {
 }
 
 /// What mending a part dropped for good: the mended part shows no damage any more.
-fn mended_damage(part: &Part) -> Option<Gap> {
+fn mended_damage(part: &SessionPart) -> Option<Gap> {
     let records = part.scan.metadata.iter().filter(|(name, _)| name == RECOVERED_RECORD);
     let places = |entries: &BTreeMap<String, String>| entries.get(DAMAGED_PLACES)?.parse::<u64>().ok();
     let dropped: u64 = records.filter_map(|(_, entries)| places(entries)).fold(0, u64::saturating_add);

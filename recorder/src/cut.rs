@@ -21,15 +21,15 @@ struct Producer<'a> {
     inputs: &'a [String],
     outputs: &'a [String],
     entries: &'a [Entry],
-    kept: usize,
+    retained: usize,
 }
 
 impl Producer<'_> {
     /// Behind the last output on `port` that a kept entry names, in the last incarnation that is kept.
     fn end(&self, port: usize) -> (u32, u64) {
-        let kept = &self.entries[..self.kept];
-        let Some(incarnation) = kept.last().map(|e| e.header.incarnation) else { return (0, 0) };
-        let last = kept.iter().rev().take_while(|e| e.header.incarnation == incarnation);
+        let retained = &self.entries[..self.retained];
+        let Some(incarnation) = retained.last().map(|e| e.header.incarnation) else { return (0, 0) };
+        let last = retained.iter().rev().take_while(|e| e.header.incarnation == incarnation);
         (incarnation, last.flat_map(|e| outputs(e, port)).map(end).max().unwrap_or(0))
     }
 }
@@ -46,7 +46,7 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
     for topic in session.topics() {
         if let Role::Journal { inputs, outputs } = &topic.role {
             let entries = session.journals().get(&topic.operator).map_or(none, Vec::as_slice);
-            producers.push(Producer { topic, inputs, outputs, entries, kept: entries.len() });
+            producers.push(Producer { topic, inputs, outputs, entries, retained: entries.len() });
         }
     }
     let (recorded, lost) = (recorded_ends(session), lost_ends(session));
@@ -63,8 +63,8 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
                     limit.is_some_and(|l| r.incarnation >= l.0 && (r.incarnation, end(r)) > *l)
                 })
             };
-            if let Some(first) = p.entries[..p.kept].iter().position(beyond) {
-                p.kept = first;
+            if let Some(first) = p.entries[..p.retained].iter().position(beyond) {
+                p.retained = first;
                 shorter = true;
             }
         }
@@ -77,7 +77,7 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
         for (port, name) in p.outputs.iter().enumerate() {
             limits.insert(name.clone(), p.end(port));
         }
-        let last = p.entries[..p.kept].last();
+        let last = p.entries[..p.retained].last();
         let end = last.map_or((0, 0), |e| (e.header.incarnation, e.header.sequence.saturating_add(1)));
         limits.insert(p.topic.name.clone(), end);
     }

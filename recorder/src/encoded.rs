@@ -5,7 +5,7 @@
 
 use stillpoint_samples::{BytesError, Header, Pieces, SampleKind};
 
-use crate::form::{Beside, Envelope, Form, Shared};
+use crate::form::{Companion, Envelope, Form, Shared};
 use crate::topic::TopicInfo;
 
 /// A sample laid out as the message that it is recorded as.
@@ -20,12 +20,12 @@ pub struct Encoded {
     /// Length of the message.
     message: usize,
     /// What stands beside it, and where each ends.
-    beside: &'static [Beside],
-    ends: [usize; MOST_BESIDE],
+    companion: &'static [Companion],
+    ends: [usize; LONGEST_COMPANIONS],
 }
 
 /// Messages beside one.
-const MOST_BESIDE: usize = 2;
+const LONGEST_COMPANIONS: usize = 2;
 
 impl Encoded {
     /// Lays out a sample of a topic in `buffer`, whose capacity is reused.
@@ -50,14 +50,14 @@ impl Encoded {
         bytes.clear();
         form.encode(sample, frame, &mut bytes);
         let message = bytes.len();
-        let beside = Beside::of(form, frame);
-        let child = if beside.is_empty() { String::new() } else { info.name.replace('.', "/") };
-        let mut ends = [message; MOST_BESIDE];
-        for (end, beside) in ends.iter_mut().zip(beside) {
-            beside.encode(sample, &child, frame, &mut bytes);
+        let companion = Companion::of(form, frame);
+        let child = if companion.is_empty() { String::new() } else { info.name.replace('.', "/") };
+        let mut ends = [message; LONGEST_COMPANIONS];
+        for (end, companion) in ends.iter_mut().zip(companion) {
+            companion.encode(sample, &child, frame, &mut bytes);
             *end = bytes.len();
         }
-        Self { kind: info.kind, form, shared, header: sample.header(), bytes, message, beside, ends }
+        Self { kind: info.kind, form, shared, header: sample.header(), bytes, message, companion, ends }
     }
 
     /// The same sample in its own form. `None`: the message does not read back, which its form rules out.
@@ -82,10 +82,10 @@ impl Encoded {
     }
 
     /// The messages beside it for viewers.
-    pub(crate) fn beside(&self) -> impl Iterator<Item = (Beside, &[u8])> {
+    pub(crate) fn companion(&self) -> impl Iterator<Item = (Companion, &[u8])> {
         let begins = [self.message].into_iter().chain(self.ends);
         let places = begins.zip(self.ends).map(|(begin, end)| &self.bytes[begin..end]);
-        self.beside.iter().copied().zip(places)
+        self.companion.iter().copied().zip(places)
     }
 
     /// Number of the sample on its topic and incarnation of its producer.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::account::END_RECORD;
-use crate::part::Part;
+use crate::part::SessionPart;
 use crate::session::Session;
 
 /// How the recording of a session came to its end.
@@ -58,7 +58,7 @@ impl fmt::Display for Ended {
 impl Session {
     /// How the recording ended.
     pub fn ended(&self) -> Ended {
-        let Some(last) = self.parts.last().filter(|_| self.parts.iter().any(Part::is_ours)) else {
+        let Some(last) = self.parts.last().filter(|_| self.parts.iter().any(SessionPart::is_ours)) else {
             return Ended::Foreign;
         };
         let part = last.path.clone();
@@ -74,7 +74,7 @@ impl Session {
 
     /// Whether [`crate::recover_session`] would repair a part of it.
     pub fn needs_mending(&self) -> bool {
-        !self.parts.iter().any(|p| p.is_being_written) && self.parts.iter().any(Part::needs_mending)
+        !self.parts.iter().any(|p| p.is_being_written) && self.parts.iter().any(SessionPart::needs_mending)
     }
 
     /// Why the run ended before its time, as the last part says it.

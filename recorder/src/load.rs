@@ -13,7 +13,7 @@ use crate::form::{Envelope, transforms_from};
 use crate::journal::entry_of;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
-use crate::part::{Part, PartChannel, Use};
+use crate::part::{PartChannel, SessionPart, Use};
 use crate::session::{Place, SampleKey, Session, Topic};
 use crate::topic::{Described, Role, TOPIC_RECORD};
 
@@ -113,7 +113,7 @@ impl Session {
                 self.metadata.entry(name).or_insert(entries);
             }
         }
-        let part = Part::open(path.clone(), source, |channel, block, start, message| {
+        let part = SessionPart::open(path.clone(), source, |channel, block, start, message| {
             self.add_message(channel, Place { part: number, block, start }, message)
         })
         .map_err(io)?;
@@ -162,7 +162,7 @@ impl Session {
                     }
                 }
             }
-            Use::Beside { .. } | Use::BesideAll => {}
+            Use::Companion { .. } | Use::CompanionOfAll => {}
             Use::Samples { .. } | Use::Opaque => {
                 let number = match self.numbers.get(&channel.topic) {
                     Some(number) => *number,

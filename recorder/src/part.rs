@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RECOVERED_RECORD};
-use crate::channels::{BESIDE, TOPIC};
+use crate::channels::{COMPANION, TOPIC};
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
@@ -17,9 +17,9 @@ pub(crate) enum Use {
     /// Samples of the topic.
     Samples { form: Form, shared: Shared },
     /// Made from the samples of a topic, for viewers.
-    Beside { topic: String, shared: Shared },
+    Companion { topic: String, shared: Shared },
     /// Made from the samples of several topics, for viewers: each message follows its sample.
-    BesideAll,
+    CompanionOfAll,
     /// Losses.
     Lost,
     /// The clock.
@@ -43,7 +43,7 @@ pub(crate) struct PartChannel {
 
 /// One part.
 #[derive(Debug)]
-pub(crate) struct Part {
+pub(crate) struct SessionPart {
     pub path: PathBuf,
     pub source: Source,
     pub size: u64,
@@ -59,7 +59,7 @@ pub(crate) struct Part {
     pub times: Option<[u64; 2]>,
 }
 
-impl Part {
+impl SessionPart {
     /// Whether its recorder ended it, and did not die.
     pub fn ended_in_order(&self) -> bool {
         self.has_record(END_RECORD)
@@ -218,11 +218,11 @@ impl Use {
             FRAMES_CHANNEL => return Self::Frames,
             _ => {}
         }
-        if let Some(topic) = channel.metadata.get(BESIDE) {
+        if let Some(topic) = channel.metadata.get(COMPANION) {
             if topic.is_empty() {
-                return Self::BesideAll;
+                return Self::CompanionOfAll;
             }
-            return Self::Beside { topic: topic.clone(), shared: shared() };
+            return Self::Companion { topic: topic.clone(), shared: shared() };
         }
         match channel.metadata.get("stillpoint.form").and_then(|name| Form::from_name(name)) {
             Some(form) => Self::Samples { form, shared: shared() },
@@ -239,10 +239,10 @@ impl Use {
                 let header = own_header(message.data)?;
                 Some((header.incarnation, header.sequence))
             }
-            Self::Samples { shared, .. } | Self::Beside { shared, .. } => {
+            Self::Samples { shared, .. } | Self::Companion { shared, .. } => {
                 Some((shared.incarnation, shared.sequence(envelope)))
             }
-            Self::BesideAll | Self::Lost | Self::Clock | Self::Frames | Self::Opaque => None,
+            Self::CompanionOfAll | Self::Lost | Self::Clock | Self::Frames | Self::Opaque => None,
         })
     }
 }

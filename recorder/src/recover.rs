@@ -63,7 +63,7 @@ pub struct Report {
     /// Places that were damaged, with what was wrong; what they held is dropped.
     pub damage: Vec<String>,
     /// Where the part as it was is kept: more of it was dropped than a recorder that dies leaves behind.
-    pub kept: Option<PathBuf>,
+    pub retained: Option<PathBuf>,
 }
 
 impl fmt::Display for Report {
@@ -81,8 +81,8 @@ impl fmt::Display for Report {
             self.bytes_cut,
             self.bytes
         )?;
-        match &self.kept {
-            Some(kept) => write!(f, "; the part as it was is kept as {}", kept.display()),
+        match &self.retained {
+            Some(retained) => write!(f, "; the part as it was is kept as {}", retained.display()),
             None => Ok(()),
         }
     }
@@ -130,28 +130,28 @@ pub fn recover_session(path: &Path) -> Result<Vec<(PathBuf, Report)>, RecoverErr
 /// Mends the part of this number in place. Where that fails nothing is left beside it.
 fn mend(session: &Session, number: usize, limits: &Limits) -> Result<Report, RecoverError> {
     let part = &session.parts[number];
-    let beside = part.path.with_extension("mcap.mending");
-    let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };
+    let companion = part.path.with_extension("mcap.mending");
+    let failed = |cause: io::Error| RecoverError::Write { path: companion.clone(), cause: cause.into() };
     // One that was left by a run that died is worth nothing.
-    match std::fs::remove_file(&beside) {
+    match std::fs::remove_file(&companion) {
         Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(failed(e)),
         _ => {}
     }
     let replace = || {
-        let file = create_private(&beside).map_err(failed)?;
+        let file = create_private(&companion).map_err(failed)?;
         let (file, mut report) =
-            rewrite(session, number, limits, &beside, io::BufWriter::with_capacity(1 << 16, file))?;
+            rewrite(session, number, limits, &companion, io::BufWriter::with_capacity(1 << 16, file))?;
         let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
         file.sync_all().map_err(failed)?;
         let cut_short = report.bytes_cut > part.largest_chunk() && !part.ends_in_chunk();
         if cut_short || !part.damage.is_empty() {
-            report.kept = Some(keep(&part.path).map_err(failed)?);
+            report.retained = Some(keep(&part.path).map_err(failed)?);
         }
-        std::fs::rename(&beside, &part.path).map_err(failed)?;
+        std::fs::rename(&companion, &part.path).map_err(failed)?;
         Ok(report)
     };
     replace().inspect_err(|_| {
-        let _ = std::fs::remove_file(&beside);
+        let _ = std::fs::remove_file(&companion);
     })
 }
 
@@ -163,12 +163,12 @@ fn keep(part: &Path) -> io::Result<PathBuf> {
     };
     let mut number = 0;
     loop {
-        let kept = part.with_extension(name(number));
-        match std::fs::hard_link(part, &kept) {
+        let retained = part.with_extension(name(number));
+        match std::fs::hard_link(part, &retained) {
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => number += 1,
             // A file system without links.
-            Err(_) => return std::fs::copy(part, &kept).map(|_| kept),
-            Ok(()) => return Ok(kept),
+            Err(_) => return std::fs::copy(part, &retained).map(|_| retained),
+            Ok(()) => return Ok(retained),
         }
     }
 }
@@ -235,7 +235,7 @@ fn rewrite<W: Write>(
         .collect();
     let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
     // The last sample, behind which stand the messages made from it.
-    let mut is_kept = true;
+    let mut is_retained = true;
     for block in 0..part.scan.blocks.len() {
         part.records(block, &mut bytes, &mut stored).map_err(read)?;
         let (mut at, mut behind) = (0, 0);
@@ -247,9 +247,9 @@ fn rewrite<W: Write>(
             let (stands, beyond) = (session.stands_at(channel, &m, place), beyond(limits, channel, &m));
             let of_sample = matches!(channel.purpose, Use::Samples { .. });
             if of_sample {
-                is_kept = stands && beyond.is_none();
+                is_retained = stands && beyond.is_none();
             }
-            if !stands || (channel.purpose == Use::BesideAll && !is_kept) {
+            if !stands || (channel.purpose == Use::CompanionOfAll && !is_retained) {
                 continue;
             }
             if let Some(topic) = beyond {
@@ -280,7 +280,7 @@ fn rewrite<W: Write>(
 /// The topic of a message that stands beyond the cut. `None`: it is kept.
 fn beyond<'a>(limits: &Limits, channel: &'a PartChannel, m: &Message<'_>) -> Option<&'a str> {
     let topic = match &channel.purpose {
-        Use::Beside { topic, .. } => topic,
+        Use::Companion { topic, .. } => topic,
         _ => &channel.topic,
     };
     let limit = limits.get(topic)?;

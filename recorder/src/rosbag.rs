@@ -6,7 +6,7 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use crate::folder::create_private;
-use crate::part::Part;
+use crate::part::SessionPart;
 use crate::session::Session;
 
 /// Name of the file in the folder of a session.
@@ -80,7 +80,7 @@ pub fn write_metadata(folder: &Path, session: &Session) -> io::Result<()> {
     })
 }
 
-fn name(part: &Part) -> String {
+fn name(part: &SessionPart) -> String {
     part.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 

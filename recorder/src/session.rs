@@ -9,7 +9,7 @@ use crate::cache::BlockCache;
 use crate::form::StaticTransform;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
-use crate::part::Part;
+use crate::part::SessionPart;
 use crate::topic::Role;
 
 /// A topic of a session.
@@ -50,7 +50,7 @@ pub(crate) struct Place {
 /// A session, whole or cut, of one part or many.
 #[derive(Debug, Default)]
 pub struct Session {
-    pub(crate) parts: Vec<Part>,
+    pub(crate) parts: Vec<SessionPart>,
     pub(crate) index: BTreeMap<SampleKey, Place>,
     pub(crate) topics: Vec<Topic>,
     pub(crate) numbers: BTreeMap<String, usize>,

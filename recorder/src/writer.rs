@@ -14,7 +14,7 @@ use crate::account::{
 use crate::channels::{Out, Topic, add_channel, add_transforms, qos};
 use crate::encoded::Encoded;
 use crate::error::with_causes;
-use crate::form::{Beside, schema, transforms_message};
+use crate::form::{Companion, schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
@@ -172,13 +172,13 @@ impl<W: Write> PartWriter<W> {
         let stamp = sample.header.stamp;
         let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
         self.out.write_to_known_channel(&header(channel, stamp), sample.message())?;
-        for (beside, message) in sample.beside() {
-            let (channel, published) = match beside {
-                Beside::CameraInfo | Beside::PoseStamped => {
-                    (t.channel_beside(&mut self.out, beside, sample)?, stamp)
+        for (companion, message) in sample.companion() {
+            let (channel, published) = match companion {
+                Companion::CameraInfo | Companion::PoseStamped => {
+                    (t.companion_channel(&mut self.out, companion, sample)?, stamp)
                 }
                 // Samples of different topics, which share `/tf`, do not come in the order of their stamps.
-                Beside::Transform => {
+                Companion::Transform => {
                     let channel = match self.transforms {
                         Some(channel) => channel,
                         None => add_transforms(&mut self.out)?,

@@ -54,13 +54,13 @@ fn a_part_with_a_damaged_place_is_kept_beside_the_mended_one() {
     let bytes = with_a_bad_entry();
     std::fs::write(folder.path().join("part-000.mcap"), &bytes).unwrap();
     let (_, report) = recover_session(folder.path()).unwrap().pop().unwrap();
-    assert_eq!(std::fs::read(report.kept.unwrap()).unwrap(), bytes);
+    assert_eq!(std::fs::read(report.retained.unwrap()).unwrap(), bytes);
 }
 
 #[test]
 fn a_part_that_is_there_and_holds_nothing_is_not_called_missing() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("part-000.mcap"), b"1234567").unwrap();
-    let said = Session::open(folder.path()).unwrap_err().to_string();
-    assert!(said.contains("part-000.mcap is there and holds nothing"), "{said}");
+    let message = Session::open(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("part-000.mcap is there and holds nothing"), "{message}");
 }

@@ -269,8 +269,8 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
             if kind.shape == Shape::Fixed || !kind.body.is_empty() {
                 out.push(p.header().count.to_string());
             }
-            let said = kind.body.split_last().map_or(&[][..], |(_, rest)| rest);
-            out.extend(numbers(said, &p.meta[HEADER_SIZE..]));
+            let message = kind.body.split_last().map_or(&[][..], |(_, rest)| rest);
+            out.extend(numbers(message, &p.meta[HEADER_SIZE..]));
             for element in p.payload.chunks_exact(kind.element_size) {
                 match kind.bare {
                     Some(primitive) => out.push(number(primitive, element)),

@@ -151,18 +151,18 @@ fn a_damaged_length_takes_nothing_away_for_good() {
     std::fs::write(&part, &damaged).unwrap();
     let (_, report) = recover_session(folder.path()).unwrap().pop().unwrap();
     assert!(report.bytes_cut > bytes.len() as u64 / 2, "{report}");
-    let kept = folder.path().join("part-000.mcap.damaged");
-    assert_eq!(report.kept.as_ref(), Some(&kept));
-    assert!(report.to_string().ends_with(&format!("is kept as {}", kept.display())), "{report}");
-    assert_eq!(std::fs::read(&kept).unwrap(), damaged);
+    let retained = folder.path().join("part-000.mcap.damaged");
+    assert_eq!(report.retained.as_ref(), Some(&retained));
+    assert!(report.to_string().ends_with(&format!("is kept as {}", retained.display())), "{report}");
+    assert_eq!(std::fs::read(&retained).unwrap(), damaged);
     opens_in_the_ordinary_reader(&std::fs::read(&part).unwrap());
     // Once more: what was kept is not written over.
     std::fs::write(&part, &damaged).unwrap();
-    let again = recover_session(folder.path()).unwrap().pop().unwrap().1.kept.unwrap();
-    assert_eq!(again, folder.path().join("part-000.mcap.damaged-1"));
+    let repeated = recover_session(folder.path()).unwrap().pop().unwrap().1.retained.unwrap();
+    assert_eq!(repeated, folder.path().join("part-000.mcap.damaged-1"));
     // A kill leaves less behind than a chunk: that is dropped.
     std::fs::write(&part, &bytes[..chunks[3] + 5000]).unwrap();
-    assert_eq!(recover_session(folder.path()).unwrap().pop().unwrap().1.kept, None);
+    assert_eq!(recover_session(folder.path()).unwrap().pop().unwrap().1.retained, None);
 }
 
 #[test]
@@ -192,8 +192,8 @@ fn a_damaged_file_that_was_mended_does_not_call_itself_complete() {
     damaged[chunks[2] + 2000] ^= 1;
     let (mended, report) = mend(&damaged);
     assert_eq!(report.damage.len(), 1, "{report}");
-    let again = mend(&mended).0;
-    for file in [mended, again] {
+    let repeated = mend(&mended).0;
+    for file in [mended, repeated] {
         let session = Session::from_bytes([file.into()]).unwrap();
         let Completeness::Gaps(gaps) = session.completeness() else { panic!("it lacks what was damaged") };
         assert!(gaps.iter().any(|g| g.to_string().contains("1 places were damaged")), "{gaps:?}");
@@ -208,11 +208,15 @@ fn a_damaged_chunk_takes_no_channel_with_it_where_the_summary_is_there() {
         let mut damaged = bytes.clone();
         damaged[chunk + 200] ^= 1;
         let session = Session::from_bytes([damaged.clone().into()]).unwrap();
-        let kept = session.samples().count();
-        assert!(kept >= written.len() / 3 && kept <= written.len(), "{kept} of {}", written.len());
+        let retained = session.samples().count();
+        assert!(
+            retained >= written.len() / 3 && retained <= written.len(),
+            "{retained} of {}",
+            written.len()
+        );
         let (mended, report) = mend(&damaged);
         assert_eq!(report.damage.len(), 1, "{report}");
-        assert_eq!(samples(&mended).len(), kept);
+        assert_eq!(samples(&mended).len(), retained);
         opens_in_the_ordinary_reader(&mended);
     }
 }
@@ -263,8 +267,8 @@ fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_
             .filter(|m| m.as_ref().unwrap().channel.topic == topic)
             .count()
     };
-    let kept = ["/seg/pose", "/seg/pose/stamped", "/rig/truth", "/rig/truth/stamped", "/tf"].map(on);
-    assert_eq!(kept, [3, 3, 6, 6, 9], "transforms go with their poses");
+    let retained = ["/seg/pose", "/seg/pose/stamped", "/rig/truth", "/rig/truth/stamped", "/tf"].map(on);
+    assert_eq!(retained, [3, 3, 6, 6, 9], "transforms go with their poses");
 }
 
 #[test]

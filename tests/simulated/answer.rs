@@ -42,23 +42,28 @@ fn lost_orders_an_empty_supply_and_leaks_become_a_fault_with_its_reason_and_end_
     ] {
         let run = broken(what, 24_000, &[]);
         let duties = run.samples::<Duties>("law.duties");
-        let said = duties.iter().find(|d| d.first().unwrap().reasons & DutyReason::TrackingError.bit() != 0);
-        let said = said.map(|d| seconds(d.header.stamp));
-        let (at, why) = fault(&run).unwrap_or_else(|| panic!("{what}: no fault; error said at {said:?}"));
+        let output_text =
+            duties.iter().find(|d| d.first().unwrap().reasons & DutyReason::TrackingError.bit() != 0);
+        let output_text = output_text.map(|d| seconds(d.header.stamp));
+        let (at, why) =
+            fault(&run).unwrap_or_else(|| panic!("{what}: no fault; error said at {output_text:?}"));
         eprintln!(
-            "{what}: error at {said:?}, fault at {at:.2} s: {:?}",
+            "{what}: error at {output_text:?}, fault at {at:.2} s: {:?}",
             Reason::words(why).collect::<Vec<_>>()
         );
         assert_ne!(why & Reason::TRACKING_ERROR, 0, "{what}: {why:#x}");
-        let said = said.unwrap();
-        assert!(said > BREAKS && at > said && at < said + 6.0, "{what}: {said} {at}");
+        let output_text = output_text.unwrap();
+        assert!(
+            output_text > BREAKS && at > output_text && at < output_text + 6.0,
+            "{what}: {output_text} {at}"
+        );
         // The lease of the beam ends within 100 ms.
         assert!(!beam_after(&run, at + 0.1), "{what}");
         // The reason stood in the state of actuation from the first moment of the error.
         let states = run.samples::<Actuation>("valves.state");
         let warned = states.iter().find(|s| s.first().unwrap().reasons & Reason::TRACKING_ERROR != 0);
         let warned = seconds(warned.unwrap().header.stamp);
-        assert!(warned < said + 0.05, "{what}: {said} {warned}");
+        assert!(warned < output_text + 0.05, "{what}: {output_text} {warned}");
     }
 }
 

@@ -156,9 +156,9 @@ fn statuses(run: &Run) -> Vec<PoseStatus> {
 }
 
 fn check(run: &Run, event: f64, reasons: &[&str]) {
-    let (off, said) = beam_off_after(run, event);
-    assert!(off - event <= BOUND + 1e-9, "{off} s after {event} s: {said:?}");
-    assert!(said.iter().any(|reason| reasons.contains(reason)), "{said:?}");
+    let (off, output_text) = beam_off_after(run, event);
+    assert!(off - event <= BOUND + 1e-9, "{off} s after {event} s: {output_text:?}");
+    assert!(output_text.iter().any(|reason| reasons.contains(reason)), "{output_text:?}");
 }
 
 #[test]

@@ -11,10 +11,11 @@ const NEAR: f64 = 10.0;
 #[test]
 fn the_contacts_of_eight_bladders_push_as_the_rig_says() {
     let run = held("head-6dof.yaml", &[SMALL], 12_000);
-    let (told, truth) = (run.samples::<Contacts>("contacts.contacts"), run.samples::<RigState>("rig.state"));
+    let (reported, truth) =
+        (run.samples::<Contacts>("contacts.contacts"), run.samples::<RigState>("rig.state"));
     let mut count = 0;
     let (mut worst, mut least) = (0.0f64, f64::INFINITY);
-    for sample in told.iter().filter(|s| seconds(s.header.stamp) > 4.0) {
+    for sample in reported.iter().filter(|s| seconds(s.header.stamp) > 4.0) {
         let contacts = sample.first().unwrap();
         let rig = truth.iter().rfind(|s| s.header.stamp <= sample.header.stamp).unwrap().first().unwrap();
         assert_eq!((contacts.bladders, contacts.low), (8, 0), "{contacts:?}");
@@ -56,15 +57,15 @@ fn a_head_on_contacts_that_roll_is_held_and_the_contacts_of_the_rig_watch_over_i
     );
     let run = held("head-6dof.yaml", &[SMALL, rolling, connected], 12_000);
     hold_bladders(&run);
-    let (told, truth) =
+    let (reported, truth) =
         (run.samples::<Contacts>("contacts.contacts"), run.samples::<Contacts>("rig.contacts"));
     let (mut apart, mut least) = (0.0f64, f64::INFINITY);
-    for sample in told.iter().filter(|s| seconds(s.header.stamp) > 4.0) {
+    for sample in reported.iter().filter(|s| seconds(s.header.stamp) > 4.0) {
         let rig = truth.iter().rfind(|s| s.header.stamp <= sample.header.stamp).unwrap().first().unwrap();
-        let told = sample.first().unwrap();
+        let reported = sample.first().unwrap();
         assert_eq!((rig.bladders, rig.low), (8, 0), "{rig:?}");
         for j in 0..8 {
-            apart = apart.max((told.force[j] - rig.force[j]).abs());
+            apart = apart.max((reported.force[j] - rig.force[j]).abs());
             least = least.min(rig.margin[j]);
             assert!(rig.margin[j] >= 0.0, "{rig:?}");
         }

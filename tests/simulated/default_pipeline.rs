@@ -26,7 +26,7 @@ pub fn default_pipeline_of(kinds: &'static [Stage], changes: &[(&str, &str)], ms
         text = text.replace(from, to);
     }
     let registry = Registry::new(&[FAMILIES, &[kinds]].concat());
-    let run = run(&text, &registry, &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
+    let run = run(&text, &registry, &DiskFiles::next_to(&path), ms).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(run.failed(), [] as [&str; 0]);
     run
 }
@@ -140,15 +140,15 @@ fn a_breathing_head_goes_along_the_sources_step_as_the_reference_model_says() {
     let second = &moved[at(600)..at(1600)];
     let start: [f64; 6] =
         std::array::from_fn(|i| second.iter().map(|m| m[i]).sum::<f64>() / second.len() as f64);
-    let way = |moved: &[f64; 6], channel: usize| moved[2 + channel] - start[2 + channel];
+    let route = |moved: &[f64; 6], channel: usize| moved[2 + channel] - start[2 + channel];
     let step = [11.5, 1.35, 10.0];
     // The step is asked for at 3.6 s; a first-order rise of 20 s takes it to 90 % in 21 s.
     for (channel, size) in step.iter().enumerate() {
-        let part = way(&moved[at(24_600)], channel) / size;
+        let part = route(&moved[at(24_600)], channel) / size;
         assert!((0.8..1.0).contains(&part), "channel {channel}: {part} of the step after 21 s");
     }
     let most: Vec<f64> = (0..3)
-        .map(|i| moved[at(43_600)..].iter().map(|m| (way(m, i) - step[i]).abs()).fold(0.0, f64::max))
+        .map(|i| moved[at(43_600)..].iter().map(|m| (route(m, i) - step[i]).abs()).fold(0.0, f64::max))
         .collect();
     eprintln!("at most {most:.3?} (mm, deg, deg) off the step from 40 s to the end");
     assert!(most[0] < 0.5 && most[1] < 0.2 && most[2] < 0.2, "{most:?}");
@@ -199,9 +199,9 @@ pub fn beam_off_after(run: &Run, event: f64) -> (f64, Vec<&'static str>) {
     assert!(is_beam_on(run, event), "the beam is on when it happens");
     let off = far.iter().find(|s| seconds(s.header.stamp) > event && !is_on(s)).unwrap();
     let gates = run.samples::<Gate>("gate.state");
-    let said =
+    let output_text =
         gates.iter().find(|g| seconds(g.header.stamp) > event && g.first().unwrap().beam == 0).unwrap();
-    (seconds(off.header.stamp), GateReason::words(said.first().unwrap().reasons).collect())
+    (seconds(off.header.stamp), GateReason::words(output_text.first().unwrap().reasons).collect())
 }
 
 #[test]

@@ -19,7 +19,7 @@ fn example(name: &str, ms: u64) -> Run {
     let path = from_root("examples").join(name);
     let text = std::fs::read_to_string(&path).unwrap();
     let run =
-        run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{name}: {e}"));
+        run(&text, &registry(), &DiskFiles::next_to(&path), ms).unwrap_or_else(|e| panic!("{name}: {e}"));
     assert_eq!(run.failed(), [] as [&str; 0], "{name}");
     run
 }
@@ -47,7 +47,7 @@ fn every_target_of_a_head_on_bladders_names_the_rig() {
             continue;
         }
         let text = std::fs::read_to_string(&path).unwrap();
-        let graph = check(&text, "test.yaml", &[], &registry(), &DiskFiles::beside(&path)).unwrap();
+        let graph = check(&text, "test.yaml", &[], &registry(), &DiskFiles::next_to(&path)).unwrap();
         let rigs: Vec<&str> = graph
             .operators
             .iter()
@@ -111,7 +111,7 @@ fn the_forehead_of_a_photograph_is_followed_away_from_the_camera() {
         "fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px",
         "fx: 1200 px, fy: 1200 px, cx: 640 px, cy: 512 px",
     );
-    let run = run(&text, &registry(), &DiskFiles::beside(&folder.join("forehead.yaml")), 1000).unwrap();
+    let run = run(&text, &registry(), &DiskFiles::next_to(&folder.join("forehead.yaml")), 1000).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     assert!(run.bytes("forehead.rejection").is_empty());
@@ -198,7 +198,7 @@ fn the_isocentre_of_the_ct_is_brought_to_that_of_the_machine_and_the_beam_waits_
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    let run = run(&text, &registry(), &DiskFiles::beside(&path), 8000).unwrap();
+    let run = run(&text, &registry(), &DiskFiles::next_to(&path), 8000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let isocentre = Vector3::new(0.022, 0.033, 0.154);
     let pose = |view: &View<'_, Pose>| {

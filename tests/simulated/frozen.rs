@@ -55,18 +55,18 @@ fn png(counts: &[u16]) -> Vec<u8> {
 /// Heights of the head over the couch in truth, and what comes of two cameras of which the first freezes for 2 s.
 fn seen(motion: &str) -> (Vec<f64>, Run) {
     let rig = run(&RIG.replace("MOTION", motion), &registry(), &MemoryFiles::default(), 6_000).unwrap();
-    let mut kept = MemoryFiles::default();
+    let mut retained = MemoryFiles::default();
     for camera in ["first", "second"] {
         let images = rig.samples::<DepthImage>(&format!("{camera}.depth"));
         assert_eq!(images.len(), FRAMES);
         for number in 0..FRAMES {
             let is_frozen = camera == "first" && FROZEN.contains(&number);
             let image = &images[if is_frozen { FROZEN.start } else { number }];
-            kept.files.insert(format!("{camera}/{number:03}.png"), png(image.elements));
+            retained.files.insert(format!("{camera}/{number:03}.png"), png(image.elements));
         }
     }
     let truth = rig.samples::<Pose>("first.truth").iter().map(|p| p.first().unwrap().position[2]).collect();
-    let run = run(&FUSED.replace("LENS", LENS), &registry(), &kept, 6_000).unwrap();
+    let run = run(&FUSED.replace("LENS", LENS), &registry(), &retained, 6_000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     (truth, run)
 }

@@ -28,7 +28,7 @@ fn the_pages_operator_runs_behind_the_default_pipeline() {
     let line = PAGE.lines().find(|l| l.contains("use: my.speed")).unwrap();
     let text = text.replacen("operators:\n", &format!("operators:\n{line}\n"), 1);
     let registry = Registry::new(&[FAMILIES.concat().as_slice(), MY_STAGES]);
-    let run = run(&text, &registry, &DiskFiles::beside(&path), 2000).unwrap();
+    let run = run(&text, &registry, &DiskFiles::next_to(&path), 2000).unwrap();
     let speeds = run.samples::<Diagnostics>("speed.speed");
     assert_eq!(speeds.len(), 19);
     assert!(speeds.iter().all(|s| s.elements[0].name() == "speed_m_s" && s.elements[0].value < 0.1));

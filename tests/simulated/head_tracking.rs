@@ -10,7 +10,7 @@ use crate::{from_root, registry};
 fn head_tracking(ms: u64, change: impl Fn(String) -> String) -> Run {
     let path = from_root("examples/head-tracking.yaml");
     let text = change(std::fs::read_to_string(&path).unwrap());
-    run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap()
+    run(&text, &registry(), &DiskFiles::next_to(&path), ms).unwrap()
 }
 
 fn isometry(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
@@ -73,8 +73,8 @@ fn a_cough_is_followed() {
 /// has that pose, and nothing of the way from the old one to it.
 #[test]
 fn another_reference_is_no_motion() {
-    let said = "every: 20 ms, params: { script: [{ at: 3 s, say: capture }] } }";
-    let run = head_tracking(5000, |text| text.replacen("every: 20 ms }", said, 1));
+    let output_text = "every: 20 ms, params: { script: [{ at: 3 s, say: capture }] } }";
+    let run = head_tracking(5000, |text| text.replacen("every: 20 ms }", output_text, 1));
     let reports = run.samples::<PoseReport>("head.report");
     let numbers: Vec<u32> = reports.iter().map(|r| r.first().unwrap().reference).collect();
     assert_eq!((numbers[0], *numbers.last().unwrap()), (1, 2), "{numbers:?}");
@@ -102,10 +102,10 @@ fn a_head_at_rest_has_a_pose_as_exact_as_its_covariance_says() {
         };
         let mean = poses.iter().map(value).sum::<f64>() / n;
         let variance = poses.iter().map(|p| (value(p) - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let said = poses.iter().map(|p| p.covariance[7 * channel]).sum::<f64>() / n;
-        eprintln!("channel {channel}: measured {:.1e}, said {:.1e}", variance.sqrt(), said.sqrt());
+        let output_text = poses.iter().map(|p| p.covariance[7 * channel]).sum::<f64>() / n;
+        eprintln!("channel {channel}: measured {:.1e}, said {:.1e}", variance.sqrt(), output_text.sqrt());
         // Frames err with the reference alike: the covariance has that error in it, the scatter has not.
-        assert!(variance < 1.5 * said, "channel {channel}: {variance}, said {said}");
+        assert!(variance < 1.5 * output_text, "channel {channel}: {variance}, said {output_text}");
     }
 }
 

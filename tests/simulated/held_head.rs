@@ -17,7 +17,7 @@ pub fn held(name: &str, changes: &[(&str, &str)], ms: u64) -> Run {
         assert!(text.contains(from), "{name} lacks {from}");
         text = text.replace(from, to);
     }
-    let run = run_keeping(no_image, &text, &registry(), &DiskFiles::beside(&path), ms)
+    let run = run_keeping(no_image, &text, &registry(), &DiskFiles::next_to(&path), ms)
         .unwrap_or_else(|e| panic!("{name}: {e}"));
     assert_eq!(run.failed(), [] as [&str; 0], "{name}");
     run

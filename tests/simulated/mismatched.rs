@@ -10,7 +10,7 @@ fn faults(file: &str, from: &str, to: &str) -> String {
     let path = from_root(file);
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains(from), "{file} lacks {from}");
-    let (text, files) = (text.replacen(from, to, 1), DiskFiles::beside(&path));
+    let (text, files) = (text.replacen(from, to, 1), DiskFiles::next_to(&path));
     let faults = check_for(&Machine::default(), &text, file, &[], &registry(), &files).err();
     faults.map(|f| f.to_string()).unwrap_or_default()
 }
@@ -57,9 +57,9 @@ fn parameters_of_two_operators_that_contradict_each_other_are_refused_with_their
             "invalid number of the valve: 6 (allowed: 0 to 5)",
         ),
     ] {
-        let said = faults(FILE, from, to);
-        assert!(said.contains(why), "{to}: {said}");
-        assert!(said.contains(&format!("{FILE}:{}:", line_of(FILE, at))), "{to}: {said}");
+        let output_text = faults(FILE, from, to);
+        assert!(output_text.contains(why), "{to}: {output_text}");
+        assert!(output_text.contains(&format!("{FILE}:{}:", line_of(FILE, at))), "{to}: {output_text}");
     }
     assert_eq!(faults(FILE, "measured: 2026-11-21", "measured: 2024-02-29"), "");
 }
@@ -70,10 +70,11 @@ fn a_filter_with_a_timer_before_a_fusion_is_refused_at_the_input_of_the_fusion()
     let text = std::fs::read_to_string(from_root(FILE)).unwrap();
     let filter = text.lines().find(|l| l.contains("use: estimate.kalman")).unwrap().to_owned();
     let timed = filter.replacen("use: estimate.kalman,", "use: estimate.kalman, every: 10 ms,", 1);
-    let said = faults(FILE, &filter, &timed);
+    let output_text = faults(FILE, &filter, &timed);
     assert!(
-        said.contains("has a timer (`every:`)") && said.contains("would be left out of the fusion"),
-        "{said}"
+        output_text.contains("has a timer (`every:`)")
+            && output_text.contains("would be left out of the fusion"),
+        "{output_text}"
     );
 }
 
@@ -82,5 +83,5 @@ fn a_session_of_contradicting_parameters_can_be_replayed() {
     let path = from_root("pipeline.yaml");
     let text = std::fs::read_to_string(&path).unwrap();
     let idle = text.replacen("params: { follow: pose }", "params: { follow: z }", 1);
-    assert!(check(&idle, "pipeline.yaml", &[], &registry(), &DiskFiles::beside(&path)).is_ok());
+    assert!(check(&idle, "pipeline.yaml", &[], &registry(), &DiskFiles::next_to(&path)).is_ok());
 }

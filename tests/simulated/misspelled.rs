@@ -43,8 +43,9 @@ impl Share {
                 self.all += 1;
                 let faults = check(&text(wrong), "any.yaml", &[], registry, &MemoryFiles::default()).err();
                 let list = faults.as_ref().map_or(&[][..], |faults| faults.list());
-                let said = list.iter().find(|fault| fault.message.contains(wrong.as_str()));
-                self.right += u32::from(said.is_some_and(|f| f.help == format!("did you mean `{name}`?")));
+                let output_text = list.iter().find(|fault| fault.message.contains(wrong.as_str()));
+                self.right +=
+                    u32::from(output_text.is_some_and(|f| f.help == format!("did you mean `{name}`?")));
             }
         }
     }

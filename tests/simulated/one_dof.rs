@@ -106,7 +106,7 @@ fn found(seed: u64) -> Found {
     let tracks = |topic: &str| {
         [".truth", ".position", ".state", ".health"].into_iter().any(|port| topic.ends_with(port))
     };
-    let run = run_keeping(tracks, &text, &registry(), &DiskFiles::beside(&path), SECONDS * 1000).unwrap();
+    let run = run_keeping(tracks, &text, &registry(), &DiskFiles::next_to(&path), SECONDS * 1000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let health = run.samples::<Health>("fused.health");
     let used = health.iter().filter(|h| h.elements.iter().all(|s| s.reason() == "used")).count();

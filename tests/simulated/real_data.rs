@@ -65,7 +65,7 @@ operators:
         cy = number("cy"),
     );
     let frames = meta["frames"].as_array().unwrap().len() as u64;
-    run(&text, &registry(), &DiskFiles::beside(&root.join("x.yaml")), frames * 100).unwrap()
+    run(&text, &registry(), &DiskFiles::next_to(&root.join("x.yaml")), frames * 100).unwrap()
 }
 
 #[test]
@@ -126,7 +126,7 @@ operators:
 ",
             file = root.join(&input).display()
         );
-        let run = run(&text, &registry(), &DiskFiles::beside(&root.join("x.yaml")), 500).unwrap();
+        let run = run(&text, &registry(), &DiskFiles::next_to(&root.join("x.yaml")), 500).unwrap();
         let expected = pcl_plane(&reference, &input);
         let (mut degrees, mut millimetres) = (0.0_f64, 0.0_f64);
         let diagnostics = run.samples::<Diagnostics>("face.diagnostics");

@@ -34,7 +34,7 @@ fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
     let script = "{ at: 110 ms, say: target, values: [0.01, -0.002] }, { at: 0 s, say: capture }, \
                   { at: 40 ms, say: arm }, { at: 41 ms, say: disarm }";
     let run = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500).unwrap();
-    let said = |verb: &str| -> Vec<(u64, Vec<f64>)> {
+    let output_text = |verb: &str| -> Vec<(u64, Vec<f64>)> {
         let samples = run.samples::<ConsoleCommand>(&format!("console.{verb}"));
         let at = |s: &stillpoint_samples::View<'_, ConsoleCommand>| (s.header.stamp - START) / 1_000_000;
         samples
@@ -42,19 +42,19 @@ fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
             .map(|s| (at(s), s.first().map(|c| c.values[..c.given as usize].to_vec()).unwrap()))
             .collect()
     };
-    assert_eq!(said("capture"), [(0, vec![])]);
-    assert_eq!(said("arm"), [(40, vec![])]);
-    assert_eq!(said("disarm"), [(60, vec![])]);
-    assert_eq!(said("target"), [(120, vec![0.01, -0.002])]);
+    assert_eq!(output_text("capture"), [(0, vec![])]);
+    assert_eq!(output_text("arm"), [(40, vec![])]);
+    assert_eq!(output_text("disarm"), [(60, vec![])]);
+    assert_eq!(output_text("target"), [(120, vec![0.01, -0.002])]);
 }
 
 #[test]
 fn a_command_with_too_many_values_is_refused() {
     let script = "{ at: 1 s, say: target, values: [1, 2, 3, 4, 5, 6, 7] }";
-    let Err(said) = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500) else {
+    let Err(output_text) = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500) else {
         panic!("it ran");
     };
-    assert!(said.contains("up to 6"), "{said}");
+    assert!(output_text.contains("up to 6"), "{output_text}");
 }
 
 /// The default pipeline with images from files in the place of the rig's.
@@ -82,9 +82,9 @@ fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() 
     );
     for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
         let text = real.replacen("body: waived", waived, 1);
-        let said = faults(&text);
+        let output_text = faults(&text);
         let acts = "acts on it, and `cloud`, which `face` sees through, is no simulated rig";
-        assert!(said.contains(acts), "{waived}: {said}");
+        assert!(output_text.contains(acts), "{waived}: {output_text}");
         // A session of it can be replayed.
         assert!(check(&text, "x.yaml", &[], &registry(), &files).is_ok(), "{waived}");
     }
@@ -106,9 +106,9 @@ fn a_search_that_cannot_check_what_it_finds_has_to_say_so() {
         let faults = check_for(&Machine::here(), text, "x.yaml", &[], &registry(), &files).err();
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
-    let said = faults(&pipeline("world", ""));
+    let output_text = faults(&pipeline("world", ""));
     let apart = "cannot check that what it finds is the head: the frame `camera` is not connected to `couch`";
-    assert!(said.contains(apart), "{said}");
+    assert!(output_text.contains(apart), "{output_text}");
     assert!(faults(&pipeline("world", ", params: { body: waived }")).contains(apart));
     for params in ["body: waived, region: { need: waived }", "rule: largest"] {
         assert_eq!(faults(&pipeline("world", &format!(", params: {{ {params} }}"))), "");
@@ -129,12 +129,12 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     assert_eq!(faults(&default), "");
     let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1);
     assert_ne!(real, default);
-    let said = faults(&real);
+    let output_text = faults(&real);
     assert!(
-        said.contains(
+        output_text.contains(
             "`head` sees through `cloud`, which is no simulated rig, and a script confirms its reference"
         ),
-        "{said}"
+        "{output_text}"
     );
     let plans = "  watch: { use: plan.watch, inputs: { pose: head.pose } }\n  \
                  plans: { use: plan.optimizer, every: 1 s, inputs: { request: watch.request, accept: console.accept } }\n";
@@ -144,9 +144,9 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
         text.replacen("{ at: 1.5 s, say: arm, repeat: 500 ms }", script, 1)
     };
     assert_eq!(faults(&accepting(&default)), "");
-    let said = faults(&accepting(&real));
+    let output_text = faults(&accepting(&real));
     let unseen = "`plans` sees through `cloud`, which is no simulated rig, and a script accepts its plan";
-    assert!(said.contains(unseen), "{said}");
+    assert!(output_text.contains(unseen), "{output_text}");
     let person = real.replacen("{ at: 1 s, say: confirm, repeat: 500 ms }, ", "", 1);
     assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
     let waived = person.replacen(
@@ -192,12 +192,12 @@ fn a_command_that_is_accepted_is_said_once() {
 
 #[test]
 fn a_repeated_command_without_an_answer_is_refused_by_the_check() {
-    let said = |script: &str| {
+    let output_text = |script: &str| {
         let text = CONSOLE.replace("SCRIPT", script);
         let faults = check(&text, "x.yaml", &[], &registry(), &NoFiles).err();
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
-    assert!(said("{ at: 0 s, say: arm, repeat: 1 s }").contains("needs the input `actuation`"));
-    assert!(said("{ at: 0 s, say: confirm, repeat: 1 s }").contains("needs the input `report`"));
-    assert!(said("{ at: 0 s, say: vent, repeat: 1 s }").contains("no operator answers `vent`"));
+    assert!(output_text("{ at: 0 s, say: arm, repeat: 1 s }").contains("needs the input `actuation`"));
+    assert!(output_text("{ at: 0 s, say: confirm, repeat: 1 s }").contains("needs the input `report`"));
+    assert!(output_text("{ at: 0 s, say: vent, repeat: 1 s }").contains("no operator answers `vent`"));
 }

@@ -5,7 +5,7 @@ use stillpoint_operator::{Kind, Role, SetupError, StepError, Timer};
 
 /// How it fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
-pub enum Way {
+pub enum Interruption {
     /// It says why.
     Error,
     /// It panics.
@@ -21,7 +21,7 @@ pub enum Way {
 pub struct FragileParams {
     /// How it fails.
     #[param(default = "error")]
-    pub way: Way,
+    pub route: Interruption,
 }
 
 /// Cannot be made, unless its parameter says so.
@@ -39,13 +39,13 @@ impl Operator for Fragile {
     };
 
     fn new(params: FragileParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        match params.way {
-            Way::Error => Err(SetupError("the kit's model has 3 layers, but 4 are due".to_string())),
-            Way::Panic => panic!("the kit panics while it is made"),
-            Way::Hang => loop {
+        match params.route {
+            Interruption::Error => Err(SetupError("the kit's model has 3 layers, but 4 are due".to_string())),
+            Interruption::Panic => panic!("the kit panics while it is made"),
+            Interruption::Hang => loop {
                 std::thread::sleep(std::time::Duration::from_secs(1));
             },
-            Way::Never => Ok(Self),
+            Interruption::Never => Ok(Self),
         }
     }
 

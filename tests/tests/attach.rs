@@ -52,7 +52,7 @@ fn a_target_is_said_to_be_taken_or_refused_by_each_who_takes_it() {
             (sample["elements"][0]["status"] == 1).then_some(())
         });
     }
-    for (values, code, said) in [
+    for (values, code, output_text) in [
         (
             &["0.01", "0", "0"][..],
             1,
@@ -69,7 +69,7 @@ fn a_target_is_said_to_be_taken_or_refused_by_each_who_takes_it() {
         assert_eq!(sent.code(), code, "{}{}", sent.out, sent.err);
         assert!(sent.out.starts_with("sent console.target"), "{}", sent.out);
         assert!(!sent.out.contains("nobody"), "{}", sent.out);
-        assert!(said.iter().all(|line| sent.out.contains(line)), "{said:?}: {}", sent.out);
+        assert!(output_text.iter().all(|line| sent.out.contains(line)), "{output_text:?}: {}", sent.out);
     }
     // Who is stopped says nothing.
     let stopped = rustix::process::Pid::from_raw(run.child("target", 0) as i32).unwrap();
@@ -137,7 +137,7 @@ fn who_looks_in_sees_what_was_sent_until_the_end() {
     let run = bench.run(&pipeline("chain.yaml"));
     bench.wait_for_samples("sink.sum", 1);
     let looking = bench.start(&["echo", "--json", "sink.sum"]);
-    crate::bench::wait_for("a sample", || looking.said().lines().next().map(drop));
+    crate::bench::wait_for("a sample", || looking.output_text().lines().next().map(drop));
     // What is sent from here to the end waits for it.
     looking.signal(rustix::process::Signal::STOP);
     let report = run.stop().good();
@@ -197,11 +197,11 @@ fn two_runs_that_start_together_do_not_both_take_the_last_room() {
         println!("skipped: a small /dev/shm cannot be mounted here: {}", done.err);
         return;
     }
-    let said = ["1.err", "2.err"].map(|name| std::fs::read_to_string(bench.path(name)).unwrap());
-    assert!(done.out.starts_with("1 "), "one of the two is refused: {} {said:?}", done.out);
-    let refused: Vec<_> = said.iter().filter(|s| s.contains("may still take")).collect();
-    assert_eq!(refused.len(), 1, "{said:?}");
-    assert!(refused[0].contains("end another run, make /dev/shm larger"), "{said:?}");
+    let output_text = ["1.err", "2.err"].map(|name| std::fs::read_to_string(bench.path(name)).unwrap());
+    assert!(done.out.starts_with("1 "), "one of the two is refused: {} {output_text:?}", done.out);
+    let refused: Vec<_> = output_text.iter().filter(|s| s.contains("may still take")).collect();
+    assert_eq!(refused.len(), 1, "{output_text:?}");
+    assert!(refused[0].contains("end another run, make /dev/shm larger"), "{output_text:?}");
 }
 
 #[test]

@@ -165,8 +165,8 @@ impl Running {
     }
 
     /// Whether these words stand on its standard error.
-    pub fn has_said(&self, words: &str) -> bool {
-        std::fs::read_to_string(&self.err).is_ok_and(|said| said.contains(words))
+    pub fn has_answered(&self, words: &str) -> bool {
+        std::fs::read_to_string(&self.err).is_ok_and(|output_text| output_text.contains(words))
     }
 
     pub fn signal(&self, signal: Signal) {
@@ -187,7 +187,7 @@ impl Running {
         }
     }
 
-    pub fn said(&self) -> String {
+    pub fn output_text(&self) -> String {
         std::fs::read_to_string(&self.out).unwrap()
     }
 

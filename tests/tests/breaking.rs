@@ -53,8 +53,8 @@ fn wait_until_followed(bench: &Bench) {
             return Some(());
         }
         // The script's arm may have come too early, and a loop that stood still waits for a person.
-        for said in ["console.resume", "console.arm"] {
-            bench.call(&["send", said]);
+        for output_text in ["console.resume", "console.arm"] {
+            bench.call(&["send", output_text]);
         }
         None
     });
@@ -94,10 +94,10 @@ fn what_a_person_breaks_acts_until_it_is_mended_and_the_session_replays_bit_for_
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     };
     // What people said is in the session, in their order, and what came of it.
-    let said: Vec<f64> =
+    let output_text: Vec<f64> =
         echo("console.fault").iter().map(|s| s["elements"][0]["values"][0].as_f64().unwrap()).collect();
     let due = FAULTS.iter().flat_map(|(_, bit)| [*bit as f64, 0.0]);
-    assert_eq!(said, due.collect::<Vec<_>>());
+    assert_eq!(output_text, due.collect::<Vec<_>>());
     let states = echo("rig.state");
     let mut acted: Vec<u64> = states.iter().map(|s| s["elements"][0]["faults"].as_u64().unwrap()).collect();
     acted.dedup();

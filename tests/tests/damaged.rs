@@ -54,9 +54,13 @@ fn a_damaged_file_opens_the_operator_that_reads_it_and_is_named_also_after_mendi
         let info = bench.call(&["info", session]);
         assert!(info.out.contains("data/depth/001.png: the session lacks this file"), "{}", info.out);
     }
-    let said = bench.call(&["replay", session, "--only", "filter"]);
-    assert_eq!(said.code(), 4);
-    assert!(said.out.contains("the recorded parts match; the session is not complete"), "{}", said.out);
+    let output_text = bench.call(&["replay", session, "--only", "filter"]);
+    assert_eq!(output_text.code(), 4);
+    assert!(
+        output_text.out.contains("the recorded parts match; the session is not complete"),
+        "{}",
+        output_text.out
+    );
 }
 
 #[test]
@@ -150,7 +154,7 @@ fn a_session_without_a_pipeline_is_never_called_complete() {
         let info = bench.call(&["info", text(&tampered), "--json"]).good();
         assert!(info["complete"] == false, "{name}: {}", info["gaps"]);
         assert!(info["gaps"].to_string().contains("it cannot be replayed: "), "{name}: {}", info["gaps"]);
-        let said = bench.call(&["info", text(&tampered)]);
-        assert!(!said.out.contains("everything that a replay needs"), "{name}: {}", said.out);
+        let output_text = bench.call(&["info", text(&tampered)]);
+        assert!(!output_text.out.contains("everything that a replay needs"), "{name}: {}", output_text.out);
     }
 }

@@ -323,8 +323,12 @@ fn a_simulated_run_reports_what_failed_and_says_so_where_it_ended_by_it() {
     let panics = faults.iter().filter(|f| f["operator"] == "first").count() as u64;
     assert_eq!(panics, figures(&report, "first")["panics"].as_u64().unwrap());
     assert!(faults.iter().any(|f| f["reason"] == "the kit fails at activation 5"));
-    let said = bench.call(&[&["run", text(&crash)], &simulated[..]].concat());
-    assert!(said.out.contains("failed: first: the mixer panics at activation 7"), "{}", said.out);
+    let output_text = bench.call(&[&["run", text(&crash)], &simulated[..]].concat());
+    assert!(
+        output_text.out.contains("failed: first: the mixer panics at activation 7"),
+        "{}",
+        output_text.out
+    );
 
     let done = bench.call(&[&["run", text(&pipeline("never.yaml")), "--json"], &simulated[..]].concat());
     assert_eq!(done.code(), 1);

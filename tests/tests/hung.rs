@@ -25,10 +25,10 @@ fn failure(report: &Value) -> &str {
 
 /// How long it had not answered when it was killed, s, of a run that says so.
 fn silence(report: &Value) -> f64 {
-    let said = failure(report);
+    let output_text = failure(report);
     let waited =
-        said.split_once("it did not answer for ").and_then(|(_, rest)| rest.split_once(" s, and was"));
-    waited.unwrap_or_else(|| panic!("{said}")).0.parse().unwrap()
+        output_text.split_once("it did not answer for ").and_then(|(_, rest)| rest.split_once(" s, and was"));
+    waited.unwrap_or_else(|| panic!("{output_text}")).0.parse().unwrap()
 }
 
 /// In a second of `/proc`, on every Linux that this runs on.
@@ -95,8 +95,8 @@ fn a_worker_is_started_again_without_it_and_it_is_given_up_for_the_next_part() {
     let report = ends_in_two_parts(&bench, run, &[("middle", 1)]);
 
     assert_eq!(report["recording_failed"], json!(null));
-    let kept = report["recorded"][0]["samples"].as_u64().unwrap();
-    assert!(report["samples"].as_u64().unwrap() > kept, "the part that was cut counts, too");
+    let retained = report["recorded"][0]["samples"].as_u64().unwrap();
+    assert!(report["samples"].as_u64().unwrap() > retained, "the part that was cut counts, too");
 }
 
 #[test]

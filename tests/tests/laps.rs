@@ -23,11 +23,11 @@ fn every_live_activation_says_how_long_its_stages_took_and_replay_leaves_that_ou
         bench.call(&["run", text(&pipeline("laps.yaml")), "--for", "1 s", "--json", "--record", "s"]).good();
     assert_eq!(report["balanced"], true, "{}", report["ledger"]);
     let session = report["session"].as_str().unwrap();
-    let kept = topics(&bench, session);
+    let retained = topics(&bench, session);
     for operator in ["alone", "first"] {
         let done = figures(&report, operator)["activations"].as_u64().unwrap();
         assert!(done > 20);
-        assert!(kept.contains(&(format!("{operator}.timing"), done)), "{kept:?}");
+        assert!(retained.contains(&(format!("{operator}.timing"), done)), "{retained:?}");
     }
     let echo = bench.call(&["echo", "--json", "alone.timing", "--session", session]);
     for (index, line) in echo.out.lines().enumerate() {
@@ -43,8 +43,8 @@ fn every_live_activation_says_how_long_its_stages_took_and_replay_leaves_that_ou
     let measured: Vec<_> = replay["measured"].as_object().unwrap().keys().collect();
     assert_eq!(measured, ["alone.timing", "first.timing"]);
     assert!(replay["identical"].get("alone.timing").is_none());
-    let said = bench.call(&["replay", session]).out;
-    assert!(said.contains("measured when it was recorded, not compared"), "{said}");
+    let output_text = bench.call(&["replay", session]).out;
+    assert!(output_text.contains("measured when it was recorded, not compared"), "{output_text}");
 }
 
 #[test]
@@ -61,10 +61,10 @@ fn a_lap_that_is_not_named_fails_the_activation_wherever_it_runs() {
     fault(&live, &[]);
     let simulated = Bench::new();
     let session = fault(&simulated, &["--clock", "simulated"]);
-    let kept = topics(&simulated, &session);
+    let retained = topics(&simulated, &session);
     assert!(
-        !kept.iter().any(|(name, _)| name.ends_with(".timing")),
-        "a simulation measures nothing: {kept:?}"
+        !retained.iter().any(|(name, _)| name.ends_with(".timing")),
+        "a simulation measures nothing: {retained:?}"
     );
 }
 

@@ -211,11 +211,11 @@ fn a_process_that_is_never_restarted_ends_the_run_in_order() {
 
 #[test]
 fn an_operator_that_cannot_be_made_says_why_and_leaves_nothing() {
-    for (way, words) in
+    for (route, words) in
         [("error", "the kit's model has 3 layers"), ("panic", "the kit panics while it is made")]
     {
         let bench = Bench::new();
-        let set = format!("fragile.way={way}");
+        let set = format!("fragile.way={route}");
         let run = bench.start(&["run", text(&pipeline("fragile.yaml")), "--set", &set, "--record", "s"]);
         let id = wait_for("the run's folder", || bench.run_ids().pop());
         let done = run.finish();

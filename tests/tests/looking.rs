@@ -53,10 +53,10 @@ fn topics_and_rates_of_a_run_and_of_its_session_have_one_shape() {
     let report = run.stop().good();
     let session = report["session"].as_str().unwrap();
     let recorded = bench.call(&["topics", "--session", session, "--json"]).good();
-    let again = row(&recorded, "source.value");
+    let repeated = row(&recorded, "source.value");
     let keys = |v: &Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    assert_eq!(keys(again), keys(value));
-    assert_eq!((&again["consumers"], &again["type"]), (&value["consumers"], &value["type"]));
+    assert_eq!(keys(repeated), keys(value));
+    assert_eq!((&repeated["consumers"], &repeated["type"]), (&value["consumers"], &value["type"]));
     let sent = crate::bench::figures(&report, "source")["sent"].as_u64().unwrap();
     let rates = bench.call(&["hz", "--session", session, "--json"]).good();
     assert_eq!(row(&rates, "source.value")["samples"], sent);

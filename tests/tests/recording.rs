@@ -29,8 +29,8 @@ fn a_killed_recorder_leaves_all_but_the_last_second_in_its_part_and_all_in_the_s
     assert!(last + 1_000_000_000 >= before["stamp"].as_u64().unwrap(), "the last second at most");
     assert_eq!(report["balanced"], true, "the ledger does not need the recorder");
     assert_eq!(report["recorded"].as_array().unwrap().len(), 1);
-    let kept = report["recorded"][0]["samples"].as_u64().unwrap();
-    assert!(report["samples"].as_u64().unwrap() >= kept + cut.journals()["source"].len() as u64);
+    let retained = report["recorded"][0]["samples"].as_u64().unwrap();
+    assert!(report["samples"].as_u64().unwrap() >= retained + cut.journals()["source"].len() as u64);
     // Every part ends as readers expect it.
     for part in [&part, &second] {
         let bytes = std::fs::read(part).unwrap();
@@ -46,8 +46,8 @@ fn assert_whole(bench: &Bench, session: &str) {
     let whole = Session::open(&bench.path(session)).unwrap();
     for topic in ["source.journal", "source.value", "middle.journal", "sink.journal"] {
         let number = whole.topic_number(topic).unwrap();
-        let kept: Vec<u64> = whole.numbers(number).map(|(_, sequence)| sequence).collect();
-        assert_eq!(kept, (0..kept.len() as u64).collect::<Vec<_>>(), "{topic}");
+        let retained: Vec<u64> = whole.numbers(number).map(|(_, sequence)| sequence).collect();
+        assert_eq!(retained, (0..retained.len() as u64).collect::<Vec<_>>(), "{topic}");
     }
     let replay = bench.call(&["replay", session, "--json"]).good();
     assert_eq!((&replay["differences"], &replay["open"]), (&json!(0), &json!([])), "{replay}");
@@ -216,7 +216,7 @@ fn a_recorder_that_is_stopped_for_a_while_states_what_it_lost() {
     let missing: u64 = replay.json()["missing"].as_object().unwrap().values().flat_map(Value::as_u64).sum();
     let listed: u64 = lost.as_object().unwrap().values().flat_map(Value::as_u64).sum();
     assert!(missing >= listed, "{missing} {listed}");
-    let said = bench.call(&["replay", session]);
+    let output_text = bench.call(&["replay", session]);
     let words = format!("; {missing} samples of recorded topics are not in the recording: ");
-    assert!(said.out.contains(&words), "{}", said.out);
+    assert!(output_text.out.contains(&words), "{}", output_text.out);
 }

@@ -9,13 +9,13 @@ use crate::bench::{Bench, pipeline, text};
 fn what_contradicts_itself_is_refused() {
     let bench = Bench::new();
     let file = pipeline("chain.yaml");
-    for (both, said) in [
+    for (both, output_text) in [
         (&["--clock", "live", "--lock-step", "threads"][..], "remove --clock live or --lock-step"),
         (&["--no-record", "--record", "s"], "cannot be used with"),
     ] {
         let done = bench.call(&[&["run", text(&file), "--for", "100 ms"], both].concat());
         assert_eq!(done.code(), 2, "{both:?}: {}", done.err);
-        assert!(done.err.contains(said), "{}", done.err);
+        assert!(done.err.contains(output_text), "{}", done.err);
     }
     assert!(!bench.path("s").exists());
 }
@@ -86,8 +86,9 @@ fn too_few_processes_are_named_as_what_lacks() {
         let limit = format!("-u {count}");
         let Some(done) = run_with_limit(&bench, &limit, &["--for", "100 ms"]) else { return };
         assert_eq!(done.code(), 1, "{count}: {}", done.err);
-        let said = format!("this user may have {count} processes and threads at once: raise `ulimit -u`");
-        assert!(done.err.contains(&said) && !done.err.contains("panicked"), "{count}: {}", done.err);
+        let output_text =
+            format!("this user may have {count} processes and threads at once: raise `ulimit -u`");
+        assert!(done.err.contains(&output_text) && !done.err.contains("panicked"), "{count}: {}", done.err);
         assert!(bench.run_ids().is_empty());
     }
     let bench = Bench::new();
@@ -109,7 +110,11 @@ fn a_file_size_that_is_too_small_is_named_as_what_lacks() {
         let options = ["--clock", clock, "--for", seconds, "--record", "s"];
         let Some(done) = run_with_limit(&bench, "-f 800", &options) else { return };
         assert!(clock == "live" || done.code() == 1, "{}", done.err);
-        let said = ["File too large", "a file may have at most ", "raise `ulimit -f`"];
-        assert!(said.iter().all(|said| done.err.contains(said)), "{clock}: {}", done.err);
+        let output_text = ["File too large", "a file may have at most ", "raise `ulimit -f`"];
+        assert!(
+            output_text.iter().all(|output_text| done.err.contains(output_text)),
+            "{clock}: {}",
+            done.err
+        );
     }
 }

@@ -161,12 +161,12 @@ fn a_lost_output_of_a_whole_operator_is_made_again() {
         samples.retain(|s| s.topic != "other.sum" || s.sequence % 5 != 3);
     });
     let report = replay(&bench, text(&tampered)).good();
-    let again = report["recomputed"]["other.sum"].as_u64().unwrap();
-    assert!(again > 5);
-    assert_eq!(report["missing"], serde_json::json!({ "other.sum": again }));
-    let said = bench.call(&["replay", text(&tampered)]);
-    let verdict = format!("identical; {again} samples of recorded topics are not in the recording: ");
-    assert!(said.out.contains(&verdict), "{}", said.out);
+    let repeated = report["recomputed"]["other.sum"].as_u64().unwrap();
+    assert!(repeated > 5);
+    assert_eq!(report["missing"], serde_json::json!({ "other.sum": repeated }));
+    let output_text = bench.call(&["replay", text(&tampered)]);
+    let verdict = format!("identical; {repeated} samples of recorded topics are not in the recording: ");
+    assert!(output_text.out.contains(&verdict), "{}", output_text.out);
     // Also where it is made for its consumer alone.
     for chosen in ["--only", "--from"] {
         let report = bench.call(&["replay", text(&tampered), "--json", chosen, "last"]).good();
@@ -248,12 +248,16 @@ fn a_replay_that_compares_nothing_says_so_and_exits_5() {
     // A source is not done again.
     let done = bench.call(&["replay", &session, "--json", "--only", "source"]);
     assert_eq!((done.code(), done.json()["identical_all"].as_bool()), (5, Some(false)), "{}", done.err);
-    let said = bench.call(&["replay", &session, "--only", "source"]);
-    assert!(said.code() == 5 && said.out.contains("nothing could be compared"), "{}", said.out);
+    let output_text = bench.call(&["replay", &session, "--only", "source"]);
+    assert!(
+        output_text.code() == 5 && output_text.out.contains("nothing could be compared"),
+        "{}",
+        output_text.out
+    );
     // Where no sample is kept the journals are compared.
     let session = recorded(&bench, "sources.yaml", &["--clock", "simulated"]);
-    let said = bench.call(&["replay", &session]);
-    assert!(said.code() == 0 && said.out.contains("the journals match"), "{}", said.out);
+    let output_text = bench.call(&["replay", &session]);
+    assert!(output_text.code() == 0 && output_text.out.contains("the journals match"), "{}", output_text.out);
 }
 
 #[test]
@@ -285,7 +289,7 @@ fn an_operator_that_this_build_cannot_make_is_no_gap_of_the_session() {
     let tampered = bench.path("tampered");
     rewrite_all(&session, &tampered, |_, attachments| {
         let sets = attachments.iter_mut().find(|a| a.name == "sets.json").unwrap();
-        sets.bytes = br#"["fragile.way=error"]"#.to_vec();
+        sets.bytes = br#"["fragile.route=error"]"#.to_vec();
     });
     let done = bench.call(&["replay", text(&tampered)]);
     assert_eq!(done.code(), 1, "{}", done.out);

@@ -59,14 +59,14 @@ fn a_capture_is_proposed_with_its_numbers_and_its_picture_and_a_person_confirms_
     assert!(early.code() == 1 && early.out.contains("no reference to confirm: capture one"), "{}", early.out);
     let proposed = bench.call(&["send", "console.capture"]);
     assert_eq!(proposed.code(), 0, "{}{}", proposed.out, proposed.err);
-    let said = [
+    let output_text = [
         "head.report: proposed as reference 1: a face of ",
         " points, ",
         "confidence ",
         "(size 1.00",
         "picture: ",
     ];
-    assert!(said.iter().all(|words| proposed.out.contains(words)), "{}", proposed.out);
+    assert!(output_text.iter().all(|words| proposed.out.contains(words)), "{}", proposed.out);
     let confirmed = bench.call(&["send", "console.confirm"]);
     assert!(
         confirmed.code() == 0 && confirmed.out.contains("head.report: reference 1 is confirmed"),

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::bench::{Bench, Running, line, lives, pipeline, text, wait_for};
 
 /// Begins a run in a placement, and waits until it is under way.
-fn under_way(bench: &Bench, file: &Path, placement: &[&str]) -> Running {
+fn in_transit(bench: &Bench, file: &Path, placement: &[&str]) -> Running {
     let run = ["run", text(file), "--for", "1 h", "--json", "--record", "s"];
     let run = bench.start(&[&run, placement].concat());
     wait_for("the session", || {
@@ -25,7 +25,7 @@ fn ends_in_order(placement: &[&str], signal: impl Fn(&Running)) {
     let yaml = std::fs::read_to_string(pipeline("chain.yaml")).unwrap();
     let late = yaml.replace("from: middle.sum, queue: 16", "from: middle.sum, delay: 900 ms, queue: 16");
     std::fs::write(bench.path("chain.yaml"), late).unwrap();
-    let run = under_way(&bench, &bench.path("chain.yaml"), placement);
+    let run = in_transit(&bench, &bench.path("chain.yaml"), placement);
     let children = run.children();
 
     signal(&run);
@@ -70,8 +70,8 @@ fn hang_ups_that_come_at_once_end_runs_in_order() {
 #[test]
 fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
     let bench = Bench::new();
-    let run = under_way(&bench, &pipeline("stuck.yaml"), &["--clock", "simulated"]);
-    wait_for("the step", || run.has_said("the kit hangs").then_some(()));
+    let run = in_transit(&bench, &pipeline("stuck.yaml"), &["--clock", "simulated"]);
+    wait_for("the step", || run.has_answered("the kit hangs").then_some(()));
     wait_for("its end", || {
         run.signal(Signal::TERM);
         (!lives(run.pid())).then_some(())

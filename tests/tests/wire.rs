@@ -143,9 +143,9 @@ fn what_is_not_in_order_is_refused_by_its_reason_and_moves_nothing() {
         let done = bench.call(&["echo", "--json", topic, "--session", session]);
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     };
-    let told =
+    let reported =
         bench.call(&["report", session, "--json"]).good()["sections"]["diagnostics"]["figures"].clone();
-    let topics = told["topics"].as_array().unwrap();
+    let topics = reported["topics"].as_array().unwrap();
     let counted = topics.iter().find(|t| t["topic"] == "far.diagnostics").unwrap()["metrics"].clone();
     let count = |reason: &str| {
         let all = counted.as_array().unwrap();

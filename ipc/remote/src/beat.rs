@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Identity;
+use crate::HostIdentity;
 
 /// Version of the beats and attachments.
 pub const PROTOCOL: u32 = 1;
@@ -29,11 +29,12 @@ pub struct Beat {
     /// Number of the beat, from 1.
     pub number: u64,
     /// What the host runs.
-    pub identity: Identity,
+    pub identity: HostIdentity,
     /// When the beat was sent, ns of the host's clock.
     pub at: u64,
     /// The peers that the host hears.
-    pub heard: Vec<Heard>,
+    #[serde(rename = "heard")]
+    pub seen: Vec<Seen>,
     /// Its sending ends.
     pub sends: Vec<Sends>,
     /// Its taking ends.
@@ -42,7 +43,7 @@ pub struct Beat {
 
 /// A peer that a host hears.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Heard {
+pub struct Seen {
     /// Name of the peer.
     pub host: String,
     /// Its incarnation.
@@ -140,14 +141,14 @@ impl Beat {
     fn check_bounds(&self) -> Result<(), BeatError> {
         let name = |text: &str| (1..=LONGEST_NAME).contains(&text.len());
         let text = |text: &str| (1..=LONGEST_TEXT).contains(&text.len());
-        let heard = |h: &Heard| {
+        let seen = |h: &Seen| {
             name(&h.host) && h.refused.len() <= 8 && h.refused.iter().all(|r| r.len() <= 4 * LONGEST_TEXT)
         };
         let bounds = [
             ("the name of the host", name(&self.host)),
             ("the number", self.number > 0),
             ("the identity", self.identity.texts().iter().all(|t| t.len() <= LONGEST_TEXT)),
-            ("the list of peers", self.heard.len() <= MOST_PEERS && self.heard.iter().all(heard)),
+            ("the list of peers", self.seen.len() <= MOST_PEERS && self.seen.iter().all(seen)),
             (
                 "the list of sending ends",
                 self.sends.len() <= MOST_ENDS && self.sends.iter().all(|s| text(&s.edge) && text(&s.channel)),

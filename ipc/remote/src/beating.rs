@@ -74,7 +74,7 @@ impl Shared {
                 number: ends.number,
                 identity: self.settings.identity.clone(),
                 at,
-                heard: lock(&self.peers).heard(at),
+                seen: lock(&self.peers).seen(at),
                 sends: open.chain(ends.closed.iter().map(|(_, s)| s.clone())).collect(),
                 takes: takes.collect(),
             }

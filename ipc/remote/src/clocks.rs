@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 /// Measurements that are kept.
-const KEPT: usize = 64;
+const RETAINED: usize = 64;
 /// How fast two clocks may drift apart: 100 ns per ms.
 const DRIFT: i64 = 10_000;
 
@@ -23,7 +23,7 @@ pub struct Offset {
 /// The newest measurements.
 #[derive(Debug, Default)]
 pub struct Offsets {
-    kept: VecDeque<(u64, Offset)>,
+    retained: VecDeque<(u64, Offset)>,
 }
 
 impl Offsets {
@@ -31,19 +31,19 @@ impl Offsets {
     /// beat at `answered` (the peer's clock), which arrived at `now`.
     pub fn add(&mut self, sent: u64, received: u64, answered: u64, now: u64) {
         let (t0, t1, t2, t3) = (sent as i128, received as i128, answered as i128, now as i128);
-        let on_the_way = (t3 - t0) - (t2 - t1);
+        let in_transit = (t3 - t0) - (t2 - t1);
         // Times that are not in order measure nothing.
-        if t3 < t0 || t2 < t1 || on_the_way < 0 {
+        if t3 < t0 || t2 < t1 || in_transit < 0 {
             return;
         }
         let offset = ((t1 - t0) + (t2 - t3)) / 2;
-        let (Ok(offset), Ok(uncertainty)) = (i64::try_from(offset), i64::try_from(on_the_way / 2 + 1)) else {
+        let (Ok(offset), Ok(uncertainty)) = (i64::try_from(offset), i64::try_from(in_transit / 2 + 1)) else {
             return;
         };
-        if self.kept.len() == KEPT {
-            self.kept.pop_front();
+        if self.retained.len() == RETAINED {
+            self.retained.pop_front();
         }
-        self.kept.push_back((now, Offset { offset, uncertainty }));
+        self.retained.push_back((now, Offset { offset, uncertainty }));
     }
 
     /// The best measurement, whose uncertainty grows with its age.
@@ -52,7 +52,7 @@ impl Offsets {
             let age = i64::try_from(now.saturating_sub(*at)).unwrap_or(i64::MAX);
             Offset { offset: o.offset, uncertainty: o.uncertainty.saturating_add(age / DRIFT) }
         };
-        self.kept.iter().map(aged).min_by_key(|o| o.uncertainty)
+        self.retained.iter().map(aged).min_by_key(|o| o.uncertainty)
     }
 }
 
@@ -82,6 +82,6 @@ mod tests {
         offsets.add(0, 10, 5, 20);
         offsets.add(0, 0, 100, 50);
         offsets.add(0, u64::MAX, u64::MAX, u64::MAX);
-        assert!(offsets.kept.is_empty(), "{offsets:?}");
+        assert!(offsets.retained.is_empty(), "{offsets:?}");
     }
 }

@@ -17,7 +17,7 @@ use crate::peers::Peers;
 use crate::receiver::{Incoming, RemoteReceiver};
 use crate::sender::{Outgoing, RemoteSender};
 use crate::shared::{Shared, lock};
-use crate::{Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names, watch};
+use crate::{Endpoints, HostEvent, HostIdentity, Offset, PeerReport, RemoteError, Sent, Taken, names, watch};
 
 /// What a host is.
 pub struct HostSettings {
@@ -28,7 +28,7 @@ pub struct HostSettings {
     /// Where it listens and connects.
     pub endpoints: Endpoints,
     /// What it runs.
-    pub identity: Identity,
+    pub identity: HostIdentity,
     /// Number of its life: a later one has a higher number.
     pub incarnation: u64,
     /// Its clock, ns.
@@ -89,7 +89,7 @@ impl Host {
             settings,
         });
         let weak = Arc::downgrade(&shared);
-        let beats = subscriber(&shared.small, &names::all_beats(&prefix), with(&weak, Shared::hear))?;
+        let beats = subscriber(&shared.small, &names::all_beats(&prefix), with(&weak, Shared::receive))?;
         let taken = names::all_acknowledgements(&prefix);
         let acknowledgements = subscriber(&shared.small, &taken, with(&weak, Shared::acknowledged))?;
         let mut threads = Vec::new();

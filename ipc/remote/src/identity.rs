@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a host runs. Two hosts exchange samples only if all of it is equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Identity {
+pub struct HostIdentity {
     /// Name of the pipeline.
     pub pipeline: String,
     /// Hash of the pipeline's text, settings and files.
@@ -15,7 +15,7 @@ pub struct Identity {
     pub cpu: String,
 }
 
-impl Identity {
+impl HostIdentity {
     /// What differs, one sentence per difference; empty if nothing does.
     pub fn differences(&self, peer: &Self) -> Vec<String> {
         let pairs = [
@@ -42,12 +42,12 @@ mod tests {
 
     #[test]
     fn each_difference_is_named() {
-        let here = Identity { pipeline: "a".into(), hash: "1".into(), version: "2".into(), cpu: "3".into() };
+        let here = HostIdentity { pipeline: "a".into(), hash: "1".into(), version: "2".into(), cpu: "3".into() };
         assert!(here.differences(&here).is_empty());
-        let there = Identity { hash: "9".into(), cpu: "8".into(), ..here.clone() };
-        let told = here.differences(&there);
-        assert_eq!(told.len(), 2);
-        assert!(told[0].contains("`1` here and `9` there"), "{told:?}");
-        assert!(told[1].contains("processor"), "{told:?}");
+        let there = HostIdentity { hash: "9".into(), cpu: "8".into(), ..here.clone() };
+        let reported = here.differences(&there);
+        assert_eq!(reported.len(), 2);
+        assert!(reported[0].contains("`1` here and `9` there"), "{reported:?}");
+        assert!(reported[1].contains("processor"), "{reported:?}");
     }
 }

@@ -54,12 +54,12 @@ mod watch;
 
 pub use access::Role;
 pub use attachment::Attachment;
-pub use beat::{Beat, BeatError, Heard, Sends, Takes};
+pub use beat::{Beat, BeatError, Seen, Sends, Takes};
 pub use clocks::Offset;
 pub use endpoints::Endpoints;
 pub use error::RemoteError;
 pub use host::{Host, HostSettings};
-pub use identity::Identity;
+pub use identity::HostIdentity;
 pub use mailbox::Mailbox;
 pub use peers::{HostEvent, PEER_SILENCE, PeerReport, PeerState};
 pub use pki::{Authority, Issued, PkiError};

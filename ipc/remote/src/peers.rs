@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use stillpoint_transport::{LinkState, Refusal};
+use stillpoint_transport::{LinkState, LinkRefusal};
 
 use crate::beat::{BeatError, MOST_PEERS, Sends};
 use crate::clocks::Offsets;
 use crate::sender::Confirmed;
-use crate::{Beat, Heard, Identity, Offset, names};
+use crate::{Beat, HostIdentity, Offset, Seen, names};
 
 /// How long a peer may be silent before it counts as gone: three beats and a half.
 pub const PEER_SILENCE: Duration = Duration::from_millis(350);
@@ -50,7 +50,7 @@ pub struct PeerReport {
 pub struct Peers {
     host: String,
     incarnation: u64,
-    identity: Identity,
+    identity: HostIdentity,
     table: BTreeMap<String, Peer>,
     events: VecDeque<HostEvent>,
     last_look: Instant,
@@ -71,13 +71,13 @@ struct Peer {
 
 impl Peer {
     /// What the peer says of this host in its newest beat.
-    fn of<'p>(&'p self, host: &str, incarnation: u64) -> Option<&'p Heard> {
-        self.beat.heard.iter().find(|h| h.host == host && h.incarnation == incarnation)
+    fn of<'p>(&'p self, host: &str, incarnation: u64) -> Option<&'p Seen> {
+        self.beat.seen.iter().find(|h| h.host == host && h.incarnation == incarnation)
     }
 }
 
 impl Peers {
-    pub fn new(host: String, incarnation: u64, identity: Identity) -> Self {
+    pub fn new(host: String, incarnation: u64, identity: HostIdentity) -> Self {
         Self {
             host,
             incarnation,
@@ -89,7 +89,7 @@ impl Peers {
         }
     }
 
-    pub fn tell(&mut self, text: String, is_fault: bool) {
+    pub fn note(&mut self, text: String, is_fault: bool) {
         if self.events.len() < MOST_EVENTS {
             self.events.push_back(HostEvent { text, is_fault });
         }
@@ -107,7 +107,7 @@ impl Peers {
 
     /// Takes a beat that arrived under `key` at `now`, ns of this host's clock. Gives whether this host should answer at
     /// once.
-    pub fn hear(&mut self, key: &str, bytes: &[u8], now: u64) -> bool {
+    pub fn receive(&mut self, key: &str, bytes: &[u8], now: u64) -> bool {
         // What a peer may send is checked by key, so the key must name the host of the beat.
         let named = |beat: Beat| match key.rsplit('/').next() == Some(names::chunk(&beat.host).as_str()) {
             true => Ok(beat),
@@ -118,7 +118,7 @@ impl Peers {
             Err(error) => {
                 let reason = error.to_string();
                 if self.malformed.as_ref() != Some(&reason) {
-                    self.tell(format!("a message of another host is not understood: {reason}"), true);
+                    self.note(format!("a message of another host is not understood: {reason}"), true);
                     self.malformed = Some(reason);
                 }
                 return false;
@@ -130,7 +130,7 @@ impl Peers {
                 self.malformed = Some(String::new());
                 let text =
                     format!("another program says that it is the host `{host}`: its messages are not used");
-                self.tell(text, true);
+                self.note(text, true);
             }
             return false;
         }
@@ -156,8 +156,7 @@ impl Peers {
         let mut offsets =
             self.table.remove(&beat.host).filter(|_| same_life).map(|p| p.offsets).unwrap_or_default();
         let differences = self.identity.differences(&beat.identity);
-        if let Some(own) =
-            beat.heard.iter().find(|h| h.host == self.host && h.incarnation == self.incarnation)
+        if let Some(own) = beat.seen.iter().find(|h| h.host == self.host && h.incarnation == self.incarnation)
         {
             offsets.add(own.at, beat.at.saturating_sub(own.held), beat.at, now);
         }
@@ -167,7 +166,7 @@ impl Peers {
                 true => format!("host `{host}` is here"),
                 false => format!("host `{host}` is refused: {}", differences.join("; ")),
             };
-            self.tell(event, !differences.is_empty());
+            self.note(event, !differences.is_empty());
         }
         let peer = Peer { at: now, arrived: Instant::now(), is_alive: true, differences, offsets, beat };
         self.table.insert(peer.beat.host.clone(), peer);
@@ -190,16 +189,16 @@ impl Peers {
         }
         for host in &gone {
             let silence = PEER_SILENCE.as_millis();
-            self.tell(format!("host `{host}` is silent for more than {silence} ms"), true);
+            self.note(format!("host `{host}` is silent for more than {silence} ms"), true);
         }
         !gone.is_empty()
     }
 
     /// What a beat says of the peers that this host hears.
-    pub fn heard(&self, now: u64) -> Vec<Heard> {
+    pub fn seen(&self, now: u64) -> Vec<Seen> {
         let alive = self.table.values().filter(|p| p.is_alive);
         alive
-            .map(|p| Heard {
+            .map(|p| Seen {
                 host: p.beat.host.clone(),
                 incarnation: p.beat.incarnation,
                 number: p.beat.number,
@@ -279,10 +278,10 @@ impl Peers {
     }
 
     /// Why nothing passes between an end of a peer and one of this host.
-    fn refusal(&self, peer: &Peer, there: &str, here: &str) -> Option<Refusal> {
+    fn refusal(&self, peer: &Peer, there: &str, here: &str) -> Option<LinkRefusal> {
         let host = &peer.beat.host;
         if !peer.differences.is_empty() {
-            return Some(Refusal::Other(format!(
+            return Some(LinkRefusal::Other(format!(
                 "host `{host}` is refused: {}",
                 peer.differences.join("; ")
             )));
@@ -290,12 +289,12 @@ impl Peers {
         if let Some(of_us) = peer.of(&self.host, self.incarnation)
             && !of_us.refused.is_empty()
         {
-            return Some(Refusal::Other(format!(
+            return Some(LinkRefusal::Other(format!(
                 "host `{host}` refuses this host: {}",
                 of_us.refused.join("; ")
             )));
         }
-        (there != here).then(|| Refusal::OtherChannel {
+        (there != here).then(|| LinkRefusal::OtherChannel {
             peer: host.clone(),
             found: there.to_owned(),
             expected: here.to_owned(),

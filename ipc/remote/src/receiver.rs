@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use stillpoint_samples::{HEADER_SIZE, Pieces, SampleKind};
-use stillpoint_transport::{LinkState, Origin, Receiver, Refusal, TransportError};
+use stillpoint_transport::{LinkState, Origin, Receiver, LinkRefusal, TransportError};
 use zenoh::pubsub::Subscriber;
 use zerocopy::IntoBytes;
 
@@ -57,7 +57,7 @@ struct Arrived {
     discarded: u64,
     state: LinkState,
     /// Why the last sample was refused.
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
     /// The sending ends that may send.
     senders: Vec<Known>,
     /// The end whose sample came last.
@@ -179,7 +179,7 @@ impl Incoming {
         from.last = number;
         let bytes = length.saturating_add(HEADER_SIZE);
         let refusal = if bytes > self.longest {
-            Some(Refusal::TooLong { peer: host.clone(), bytes, longest: self.longest })
+            Some(LinkRefusal::TooLong { peer: host.clone(), bytes, longest: self.longest })
         } else {
             let free = match arrived.waiting.len()
                 >= if self.lane == Lane::Small { MOST_SMALL } else { MOST_BULK }
@@ -201,7 +201,7 @@ impl Incoming {
                     arrived.waiting.push_back(whole);
                     None
                 }
-                Err(error) => Some(Refusal::Other(format!("host `{host}` sends what is no sample: {error}"))),
+                Err(error) => Some(LinkRefusal::Other(format!("host `{host}` sends what is no sample: {error}"))),
             }
         };
         match refusal {

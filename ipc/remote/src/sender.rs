@@ -81,7 +81,7 @@ struct Queue {
 
 impl Queue {
     /// Whether somebody is there to take a sample; one that nobody takes is counted.
-    fn is_wanted(&mut self) -> Result<bool, TransportError> {
+    fn is_requested(&mut self) -> Result<bool, TransportError> {
         match self.state {
             LinkState::Closed => Err(TransportError::Closed),
             LinkState::Open => Ok(true),
@@ -177,14 +177,14 @@ impl Outgoing {
     }
 
     fn offer(&self, header: Header, body: &[&[u8]]) -> Result<(), TransportError> {
-        if !self.queue().is_wanted()? {
+        if !self.queue().is_requested()? {
             return Ok(());
         }
         // Without the lock: the thread that puts does not wait for this copy.
         let body = body.concat();
         let mut queue = self.queue();
         // The taker may have gone meanwhile.
-        if !queue.is_wanted()? {
+        if !queue.is_requested()? {
             return Ok(());
         }
         queue.sent.offered += 1;

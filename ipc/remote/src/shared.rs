@@ -18,7 +18,7 @@ use crate::sender::Outgoing;
 use crate::{Endpoints, HostSettings, names};
 
 /// How long the counts of an end that was closed are told.
-const TOLD: Duration = Duration::from_secs(1);
+const REPORTED: Duration = Duration::from_secs(1);
 
 /// What the threads and ends of a host share.
 pub struct Shared {
@@ -82,12 +82,12 @@ impl Shared {
 
     /// Tells a reason for which nothing can be exchanged.
     pub fn fault(&self, text: String) {
-        lock(&self.peers).tell(text, true);
+        lock(&self.peers).note(text, true);
     }
 
     /// Tells what needs no hurry.
     pub fn note(&self, text: String) {
-        lock(&self.peers).tell(text, false);
+        lock(&self.peers).note(text, false);
     }
 
     /// Waits. Gives whether the host goes on.
@@ -118,7 +118,7 @@ impl Shared {
     pub fn remove_sender(&self, outgoing: &Arc<Outgoing>) {
         let mut ends = lock(&self.ends);
         ends.outgoing.retain(|o| !Arc::ptr_eq(o, outgoing));
-        ends.closed.push((Instant::now() + TOLD, sends(outgoing)));
+        ends.closed.push((Instant::now() + REPORTED, sends(outgoing)));
         drop(ends);
         self.beat_soon();
     }
@@ -134,9 +134,9 @@ impl Shared {
     }
 
     /// A beat of another host has arrived.
-    pub fn hear(&self, key: &str, bytes: &[u8]) {
+    pub fn receive(&self, key: &str, bytes: &[u8]) {
         let now = self.now();
-        if lock(&self.peers).hear(key, bytes, now) {
+        if lock(&self.peers).receive(key, bytes, now) {
             self.beat_soon();
         }
         self.refresh();

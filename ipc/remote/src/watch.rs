@@ -8,7 +8,7 @@ use crate::shared::Shared;
 /// How long nobody is heard before the other ends are asked.
 const ALONE: Duration = Duration::from_millis(300);
 /// Time between two questions while nobody is heard.
-const AGAIN: Duration = Duration::from_secs(5);
+const RETRY: Duration = Duration::from_secs(5);
 /// How often the files of the certificate are looked at.
 const LOOK: Duration = Duration::from_millis(250);
 /// Days before its end from which a certificate is told to expire.
@@ -21,17 +21,17 @@ pub fn run(shared: &Shared) {
         let certificate = tls.files().certificate.display();
         shared.note(format!("the certificate {certificate} expires on {}: make a new one", tls.until()));
     }
-    let (mut ask_at, mut said) = (Instant::now() + ALONE, None);
+    let (mut ask_at, mut message) = (Instant::now() + ALONE, None);
     let mut unusable = None;
     while shared.goes_on_after(LOOK) {
         if !shared.is_alone() {
-            (ask_at, said) = (Instant::now() + ALONE, None);
+            (ask_at, message) = (Instant::now() + ALONE, None);
         } else if Instant::now() >= ask_at {
             let reason = endpoints.refusal();
-            if let Some(reason) = reason.as_ref().filter(|_| reason != said && shared.is_alone()) {
+            if let Some(reason) = reason.as_ref().filter(|_| reason != message && shared.is_alone()) {
                 shared.fault(format!("this host is refused: {reason}"));
             }
-            (ask_at, said) = (Instant::now() + AGAIN, reason);
+            (ask_at, message) = (Instant::now() + RETRY, reason);
         }
         // A host that only connects reads the files whenever it connects.
         let listening = endpoints.tls.as_ref().filter(|_| !endpoints.listen.is_empty());

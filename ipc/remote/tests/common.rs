@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
-use stillpoint_remote::{Endpoints, Host, HostSettings, Identity, Remote};
+use stillpoint_remote::{Endpoints, Host, HostSettings, HostIdentity, Remote};
 use stillpoint_samples::{AlignedBytes, Datagram, Header, Pieces, Sample};
 use stillpoint_transport::{Carries, Channel, Receiver, Sender, Transport, TransportError};
 use zerocopy::IntoBytes;
@@ -45,8 +45,8 @@ pub fn two_ports() -> u16 {
     }
 }
 
-pub fn identity() -> Identity {
-    Identity { pipeline: "test".into(), hash: "1".into(), version: "1".into(), cpu: "x".into() }
+pub fn identity() -> HostIdentity {
+    HostIdentity { pipeline: "test".into(), hash: "1".into(), version: "1".into(), cpu: "x".into() }
 }
 
 pub fn listening(port: u16) -> Endpoints {
@@ -60,7 +60,7 @@ pub fn connecting(port: u16) -> Endpoints {
 pub fn settings(
     name: &str,
     endpoints: Endpoints,
-    identity: Identity,
+    identity: HostIdentity,
     incarnation: u64,
     ahead: u64,
 ) -> HostSettings {
@@ -83,7 +83,7 @@ fn shared_clock(_: Instant) -> u64 {
 }
 
 /// A host; the clock of one that listens is 3 s ahead.
-pub fn host(name: &str, endpoints: Endpoints, identity: Identity) -> Arc<Host> {
+pub fn host(name: &str, endpoints: Endpoints, identity: HostIdentity) -> Arc<Host> {
     let ahead = if endpoints.listen.is_empty() { 0 } else { 3_000_000_000 };
     Host::open(settings(name, endpoints, identity, 1, ahead)).unwrap()
 }
@@ -100,7 +100,7 @@ impl Pair {
         Self::of(host("bedside", listening(port), identity()), port, identity())
     }
 
-    pub fn of(sender: Arc<Host>, port: u16, identity: Identity) -> Self {
+    pub fn of(sender: Arc<Host>, port: u16, identity: HostIdentity) -> Self {
         Self { sender, receiver: host("cluster", connecting(port), identity) }
     }
 

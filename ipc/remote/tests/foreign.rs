@@ -1,7 +1,7 @@
 //! Bytes that anybody may send: no panic, bounded memory, and every refusal is counted.
 
 use proptest::prelude::*;
-use stillpoint_remote::{Attachment, Beat, BeatError, Heard, Identity, Sends, Takes};
+use stillpoint_remote::{Attachment, Beat, BeatError, HostIdentity, Seen, Sends, Takes};
 use stillpoint_samples::Header;
 use zerocopy::IntoBytes;
 
@@ -11,9 +11,9 @@ fn beat() -> Beat {
         host: "bedside".into(),
         incarnation: 7,
         number: 1,
-        identity: Identity { pipeline: "p".into(), hash: "h".into(), version: "v".into(), cpu: "c".into() },
+        identity: HostIdentity { pipeline: "p".into(), hash: "h".into(), version: "v".into(), cpu: "c".into() },
         at: 5,
-        heard: vec![Heard {
+        seen: vec![Seen {
             host: "cluster".into(),
             incarnation: 3,
             number: 2,

@@ -17,7 +17,7 @@ mod tls;
 use std::sync::Arc;
 
 use common::{Pair, datagram, eventually, host, identity, link, send, two_ports};
-use stillpoint_remote::{Endpoints, Host, Identity, PeerState, Remote, RemoteError, Router};
+use stillpoint_remote::{Endpoints, Host, HostIdentity, PeerState, Remote, RemoteError, Router};
 use stillpoint_samples::{Datagram, DepthImage, HEADER_SIZE, Pieces, Sample};
 use stillpoint_transport::conformance::conforms;
 use stillpoint_transport::{Channel, LinkState, Transport};
@@ -100,7 +100,7 @@ fn each_sample_of_bursts_small_and_bulk_is_accounted_for_on_both_sides() {
 #[test]
 fn hosts_that_do_not_run_the_same_exchange_nothing_and_say_what_differs() {
     let port = two_ports();
-    let other = Identity { hash: "other".into(), version: "0.0.9".into(), ..identity() };
+    let other = HostIdentity { hash: "other".into(), version: "0.0.9".into(), ..identity() };
     let pair = Pair::of(host("bedside", common::listening(port), identity()), port, other);
     let (mut sender, mut receiver) = link(&pair.edge("pose"), 64);
     let mut next = 0;

@@ -150,8 +150,8 @@ fn a_foreign_peer_is_refused_without_a_certificate_and_one_of_a_viewer_may_take_
     let [certificate, private, authority] =
         [&viewer.certificate, &viewer.key, &viewer.authority].map(|file| file.to_str().unwrap());
     let mut bare = Peer::start(&python, &endpoint, "take", key, &["", "", authority]);
-    let said = bare.line();
-    assert!(said.starts_with("refused"), "{said}");
+    let message = bare.line();
+    assert!(message.starts_with("refused"), "{message}");
 
     let files = [certificate, private, authority];
     let line = traffic.until_taken(Peer::start(&python, &endpoint, "take", key, &files));

@@ -29,15 +29,15 @@ fn answering_process() {
     let mailbox = open("worker", &port);
     loop {
         if let Some((from, bytes)) = mailbox.receive(Duration::from_secs(1)) {
-            let wanted = u32::from_le_bytes(bytes[..4].try_into().unwrap());
-            mailbox.send(Some(&from), vec![1; wanted as usize]);
+            let requested = u32::from_le_bytes(bytes[..4].try_into().unwrap());
+            mailbox.send(Some(&from), vec![1; requested as usize]);
         }
     }
 }
 
-fn ask(mailbox: &Mailbox, wanted: usize) {
+fn ask(mailbox: &Mailbox, requested: usize) {
     let mut bytes = vec![0; CALL];
-    bytes[..4].copy_from_slice(&(wanted as u32).to_le_bytes());
+    bytes[..4].copy_from_slice(&(requested as u32).to_le_bytes());
     mailbox.send(Some("worker"), bytes);
 }
 
@@ -67,7 +67,7 @@ fn fetched(mailbox: &Mailbox) -> bool {
     })
 }
 
-fn told(what: &str, round: impl Fn() -> bool) {
+fn reported(what: &str, round: impl Fn() -> bool) {
     let mut times: Vec<Duration> = (0..ROUNDS)
         .filter_map(|_| {
             let begun = Instant::now();
@@ -101,11 +101,11 @@ fn the_way_of_a_question_of_the_pool() {
         mailbox.receive(Duration::from_millis(50))
     });
     while mailbox.receive(Duration::from_millis(200)).is_some() {}
-    told("an answer of 4 KiB", || {
+    reported("an answer of 4 KiB", || {
         ask(&mailbox, 4 << 10);
         answered(&mailbox)
     });
-    told("an answer of 1 MiB, in parts", || fetched(&mailbox));
+    reported("an answer of 1 MiB, in parts", || fetched(&mailbox));
     let _ = child.kill();
     let _ = child.wait();
 }

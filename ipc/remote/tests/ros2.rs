@@ -44,17 +44,17 @@ fn a_node_comes_before_its_router_and_exchanges_messages_also_after_its_restart(
     let poses = node.publisher("poses", "/head_pose", POSE).unwrap();
     node.repeat("/tf_static", POSE, b"frames".to_vec()).unwrap();
     let came = Came::default();
-    let kept = came.clone();
+    let retained = came.clone();
     let take = move |message: &Ros2Message<'_>| {
         let bytes = message.payload.to_bytes().into_owned();
-        kept.lock().unwrap().push((message.attachment.to_vec(), message.is_of_type, bytes));
+        retained.lock().unwrap().push((message.attachment.to_vec(), message.is_of_type, bytes));
     };
     node.take("/camera/image", IMAGE, Arc::new(take)).unwrap();
     poses.send(Some(vec![0]));
-    let mut told = String::new();
+    let mut reported = String::new();
     eventually("the missing router is told", || {
-        texts(&node, &mut told);
-        told.contains(&format!("no router is at tcp/127.0.0.1:{port}"))
+        texts(&node, &mut reported);
+        reported.contains(&format!("no router is at tcp/127.0.0.1:{port}"))
     });
     let middle = router(port);
     let peer = session("peer", "connect", port);
@@ -129,8 +129,8 @@ fn a_node_comes_before_its_router_and_exchanges_messages_also_after_its_restart(
     // The router goes and comes again.
     middle.close().wait().unwrap();
     eventually("the lost router is told", || {
-        texts(&node, &mut told);
-        told.contains("is gone")
+        texts(&node, &mut reported);
+        reported.contains("is gone")
     });
     let _middle = router(port);
     came.lock().unwrap().clear();
@@ -141,10 +141,10 @@ fn a_node_comes_before_its_router_and_exchanges_messages_also_after_its_restart(
     let counts = node.sent()["poses"];
     assert_eq!(counts.offered, counts.replaced + counts.unheard + counts.put + counts.waiting);
     assert!(counts.unheard > 0 && counts.received > 0, "{counts:?}");
-    texts(&node, &mut told);
+    texts(&node, &mut reported);
     assert!(
-        told.contains("the node /head is connected") && told.contains("/rviz takes /head_pose"),
-        "{told}"
+        reported.contains("the node /head is connected") && reported.contains("/rviz takes /head_pose"),
+        "{reported}"
     );
 }
 

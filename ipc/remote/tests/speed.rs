@@ -117,7 +117,7 @@ fn until(mut arrived: impl FnMut() -> bool) -> bool {
     true
 }
 
-fn told(what: &str, times: &mut [Duration]) -> f64 {
+fn reported(what: &str, times: &mut [Duration]) -> f64 {
     times.sort();
     let at = |share: usize| times[times.len() * share / 100].as_secs_f64() * 1e6 / 2.0;
     eprintln!("{what}: p50 {:.0} us, p90 {:.0} us one way, {} round trips", at(50), at(90), times.len());
@@ -166,8 +166,8 @@ fn an_edge_beside_bare_zenoh() {
                 }
             }
         }
-        let edge = told(&format!("{name}, edge"), &mut edge);
-        let alone = told(&format!("{name}, bare zenoh"), &mut alone);
+        let edge = reported(&format!("{name}, edge"), &mut edge);
+        let alone = reported(&format!("{name}, bare zenoh"), &mut alone);
         eprintln!("{name}: {:.2} times", edge / alone);
     }
     let _ = child.kill();

@@ -58,7 +58,7 @@ fn endpoint(port: u16, tls: &Option<Arc<Tls>>) -> String {
 }
 
 /// Waits until a host tells of a refusal with these words.
-fn told(host: &Host, words: &str) {
+fn reported(host: &Host, words: &str) {
     let mut all = Vec::new();
     let begun = std::time::Instant::now();
     loop {
@@ -109,11 +109,14 @@ fn a_host_of_another_authority_is_refused_and_both_sides_of_the_fault_are_named(
     mixed.authority = ours.issue(Role::Cluster, "x").authority;
     let foreign = Some(Arc::new(Tls::load(&mixed).unwrap()));
     let cluster = host("cluster", connecting(port, foreign), identity());
-    told(&cluster, "refuses the certificate of this host: it is signed by another authority");
+    reported(&cluster, "refuses the certificate of this host: it is signed by another authority");
     drop(cluster);
     // The other end is foreign to it, too.
     let cluster = host("cluster", connecting(port, theirs.tls(Role::Cluster, "cluster2")), identity());
-    told(&cluster, "the certificate of the other end is signed by another authority than that of this host");
+    reported(
+        &cluster,
+        "the certificate of the other end is signed by another authority than that of this host",
+    );
     assert!(cluster.peers().is_empty());
 }
 
@@ -123,13 +126,13 @@ fn a_host_without_certificate_is_refused_by_one_that_has_one_and_the_other_way_r
     let port = two_ports();
     let bedside = host("bedside", listening(port, pki.tls(Role::Bedside, "bedside")), identity());
     let plain = host("cluster", connecting(port, None), identity());
-    told(&plain, "the other end demands TLS");
+    reported(&plain, "the other end demands TLS");
     assert!(plain.peers().is_empty() && bedside.peers().is_empty());
     drop((plain, bedside));
     let port = two_ports();
     let plain = host("bedside", listening(port, None), identity());
     let cluster = host("cluster", connecting(port, pki.tls(Role::Cluster, "cluster")), identity());
-    told(&cluster, "does not speak TLS");
+    reported(&cluster, "does not speak TLS");
     assert!(plain.peers().is_empty() && cluster.peers().is_empty());
 }
 
@@ -279,8 +282,8 @@ fn a_listening_host_notices_a_new_certificate_and_passes_samples_with_it() {
     let cluster = host("cluster", connecting(port, pki.tls(Role::Cluster, "cluster")), identity());
     eventually("the hosts meet", || !cluster.peers().is_empty());
     assert!(!bedside.is_outdated());
-    let again = pki.authority.issue(Role::Bedside, "bedside", &["127.0.0.1".to_owned()], 25, false);
-    assert!(again.is_err(), "a certificate is replaced only when asked");
+    let repeated = pki.authority.issue(Role::Bedside, "bedside", &["127.0.0.1".to_owned()], 25, false);
+    assert!(repeated.is_err(), "a certificate is replaced only when asked");
     pki.authority.issue(Role::Bedside, "bedside", &["127.0.0.1".to_owned()], 25, true).unwrap();
     eventually("the host notices", || bedside.is_outdated());
     drop(bedside);

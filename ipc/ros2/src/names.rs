@@ -46,7 +46,7 @@ impl TopicName {
     }
 
     /// The topic of this name in the same namespace.
-    pub fn beside(&self, name: &str) -> Result<Self, NameError> {
+    pub fn sibling(&self, name: &str) -> Result<Self, NameError> {
         let namespace = self.0.rsplit_once('/').map_or("", |(namespace, _)| namespace);
         Self::parse(&format!("{namespace}/{name}"))
     }
@@ -116,9 +116,9 @@ mod tests {
         }
         assert_eq!(TopicName::parse(&format!("/{}", "a".repeat(300))), Err(NameError::Long(301)));
         let topic = TopicName::parse("/camera/depth/image_rect_raw").unwrap();
-        assert_eq!(topic.beside("camera_info").unwrap().as_str(), "/camera/depth/camera_info");
+        assert_eq!(topic.sibling("camera_info").unwrap().as_str(), "/camera/depth/camera_info");
         assert_eq!(
-            TopicName::parse("/image").unwrap().beside("camera_info").unwrap().as_str(),
+            TopicName::parse("/image").unwrap().sibling("camera_info").unwrap().as_str(),
             "/camera_info"
         );
     }

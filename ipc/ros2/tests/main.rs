@@ -71,12 +71,12 @@ fn hashes_of_types_are_those_of_rosbags() {
         return;
     };
     let names = schema::ALL.map(|(name, _)| name);
-    let said = Command::new(python).args(["-c", PRINT]).args(names).output().unwrap();
-    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-    let said = String::from_utf8(said.stdout).unwrap();
+    let message = Command::new(python).args(["-c", PRINT]).args(names).output().unwrap();
+    assert!(message.status.success(), "{}", String::from_utf8_lossy(&message.stderr));
+    let message = String::from_utf8(message.stdout).unwrap();
     for (name, text) in schema::ALL {
         let own = rihs01(name, text).unwrap();
-        let theirs: Vec<&str> = said
+        let theirs: Vec<&str> = message
             .lines()
             .filter_map(|line| line.split_once(' '))
             .filter(|l| l.0 == name)

@@ -13,7 +13,7 @@ use stillpoint_samples::Shape;
 
 use crate::contract::Contract;
 use crate::domain::Domain;
-use crate::error::{PortKind, Refusal, ShmError, port_error, topic_error};
+use crate::error::{PortKind, PortRefusal, ShmError, port_error, topic_error};
 
 pub(crate) type DataFactory = PortFactory<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>;
 pub(crate) type ErasedPublisher =
@@ -35,7 +35,7 @@ fn builder(
     };
     let detail = |variant, name: &str, size, align| {
         TypeDetail::__internal_new_from_parts(variant, name, size, align)
-            .map_err(|e| topic_error(contract, Refusal::Contract(e.to_string())))
+            .map_err(|e| topic_error(contract, PortRefusal::Contract(e.to_string())))
     };
     let payload = detail(variant, &contract.type_name, contract.element_size, contract.element_align)?;
     let header = detail(TypeVariant::FixedSize, "stillpoint/Header", contract.meta_size, 8)?;

@@ -16,7 +16,7 @@ pub enum ShmError {
         /// Root folder of the domain.
         root: PathBuf,
         /// The reason that iceoryx2 gives.
-        cause: Refusal,
+        cause: PortRefusal,
     },
     /// A service could not be created or opened.
     #[error("topic {topic} ({type_name}): {cause}")]
@@ -26,7 +26,7 @@ pub enum ShmError {
         /// Contract text.
         type_name: String,
         /// The reason that iceoryx2 gives.
-        cause: Refusal,
+        cause: PortRefusal,
     },
     /// A port could not be made or used.
     #[error("{port} on topic {topic}: {cause}")]
@@ -36,7 +36,7 @@ pub enum ShmError {
         /// Which port.
         port: PortKind,
         /// The reason that iceoryx2 gives.
-        cause: Refusal,
+        cause: PortRefusal,
     },
     /// A name that iceoryx2 does not take.
     #[error(
@@ -74,7 +74,7 @@ pub enum PortKind {
 
 /// Why iceoryx2 refused something, as far as a user can act on it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum PortRefusal {
     /// No subscriber or listener more.
     #[error(
         "the topic has as many readers as it has room for; end an `echo` or another program that reads this topic"
@@ -186,7 +186,7 @@ pub(crate) fn name_error(name: &str) -> ShmError {
     ShmError::Name { name: name.to_string() }
 }
 
-pub(crate) fn topic_error(contract: &Contract, cause: impl Into<Refusal>) -> ShmError {
+pub(crate) fn topic_error(contract: &Contract, cause: impl Into<PortRefusal>) -> ShmError {
     ShmError::Topic {
         topic: contract.topic.clone(),
         type_name: contract.type_name.clone(),
@@ -194,6 +194,6 @@ pub(crate) fn topic_error(contract: &Contract, cause: impl Into<Refusal>) -> Shm
     }
 }
 
-pub(crate) fn port_error(topic: &str, port: PortKind, cause: impl Into<Refusal>) -> ShmError {
+pub(crate) fn port_error(topic: &str, port: PortKind, cause: impl Into<PortRefusal>) -> ShmError {
     ShmError::Port { topic: topic.to_string(), port, cause: cause.into() }
 }

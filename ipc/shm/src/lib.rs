@@ -24,7 +24,7 @@ mod wake;
 
 pub use contract::Contract;
 pub use domain::{Domain, sweep};
-pub use error::{CounterFault, PortKind, Refusal, ShmError};
+pub use error::{CounterFault, PortKind, PortRefusal, ShmError};
 pub use ports::{Loan, Publisher, Received, Subscriber};
 pub use realtime::{RealTimeError, real_time};
 pub use topic::Topic;

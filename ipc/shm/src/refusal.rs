@@ -1,4 +1,4 @@
-//! The errors of iceoryx2's builders and ports as [`Refusal`]s: one conversion for each of its error types.
+//! The errors of iceoryx2's builders and ports as [`PortRefusal`]s: one conversion for each of its error types.
 
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::port::listener::{ListenerCreateError, ListenerWaitError};
@@ -10,13 +10,13 @@ use iceoryx2::port::{LoanError, ReceiveError, SendError};
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
 
-use crate::error::Refusal;
+use crate::error::PortRefusal;
 
-fn unexpected(answer: &impl std::fmt::Display) -> Refusal {
-    Refusal::Unexpected(answer.to_string())
+fn unexpected(answer: &impl std::fmt::Display) -> PortRefusal {
+    PortRefusal::Unexpected(answer.to_string())
 }
 
-impl From<NodeCreationFailure> for Refusal {
+impl From<NodeCreationFailure> for PortRefusal {
     fn from(e: NodeCreationFailure) -> Self {
         match e {
             NodeCreationFailure::InsufficientPermissions => Self::NotPermitted,
@@ -28,7 +28,7 @@ impl From<NodeCreationFailure> for Refusal {
     }
 }
 
-impl From<PublishSubscribeCreateError> for Refusal {
+impl From<PublishSubscribeCreateError> for PortRefusal {
     fn from(e: PublishSubscribeCreateError) -> Self {
         use PublishSubscribeCreateError as E;
         match e {
@@ -44,7 +44,7 @@ impl From<PublishSubscribeCreateError> for Refusal {
     }
 }
 
-impl From<PublishSubscribeOpenError> for Refusal {
+impl From<PublishSubscribeOpenError> for PortRefusal {
     fn from(e: PublishSubscribeOpenError) -> Self {
         use PublishSubscribeOpenError as E;
         match e {
@@ -71,7 +71,7 @@ impl From<PublishSubscribeOpenError> for Refusal {
     }
 }
 
-impl From<EventCreateError> for Refusal {
+impl From<EventCreateError> for PortRefusal {
     fn from(e: EventCreateError) -> Self {
         use EventCreateError as E;
         match e {
@@ -87,7 +87,7 @@ impl From<EventCreateError> for Refusal {
     }
 }
 
-impl From<EventOpenError> for Refusal {
+impl From<EventOpenError> for PortRefusal {
     fn from(e: EventOpenError) -> Self {
         use EventOpenError as E;
         match e {
@@ -112,7 +112,7 @@ impl From<EventOpenError> for Refusal {
     }
 }
 
-impl From<PublisherCreateError> for Refusal {
+impl From<PublisherCreateError> for PortRefusal {
     fn from(e: PublisherCreateError) -> Self {
         use PublisherCreateError as E;
         match e {
@@ -123,7 +123,7 @@ impl From<PublisherCreateError> for Refusal {
     }
 }
 
-impl From<SubscriberCreateError> for Refusal {
+impl From<SubscriberCreateError> for PortRefusal {
     fn from(e: SubscriberCreateError) -> Self {
         use SubscriberCreateError as E;
         match e {
@@ -138,7 +138,7 @@ impl From<SubscriberCreateError> for Refusal {
     }
 }
 
-impl From<NotifierCreateError> for Refusal {
+impl From<NotifierCreateError> for PortRefusal {
     fn from(e: NotifierCreateError) -> Self {
         use NotifierCreateError as E;
         match e {
@@ -149,7 +149,7 @@ impl From<NotifierCreateError> for Refusal {
     }
 }
 
-impl From<ListenerCreateError> for Refusal {
+impl From<ListenerCreateError> for PortRefusal {
     fn from(e: ListenerCreateError) -> Self {
         use ListenerCreateError as E;
         match e {
@@ -160,13 +160,13 @@ impl From<ListenerCreateError> for Refusal {
     }
 }
 
-impl From<ListenerWaitError> for Refusal {
+impl From<ListenerWaitError> for PortRefusal {
     fn from(e: ListenerWaitError) -> Self {
         unexpected(&e)
     }
 }
 
-impl From<LoanError> for Refusal {
+impl From<LoanError> for PortRefusal {
     fn from(e: LoanError) -> Self {
         match e {
             LoanError::OutOfMemory | LoanError::ExceedsMaxLoans => Self::NoRoom,
@@ -176,7 +176,7 @@ impl From<LoanError> for Refusal {
     }
 }
 
-impl From<SendError> for Refusal {
+impl From<SendError> for PortRefusal {
     fn from(e: SendError) -> Self {
         match e {
             SendError::ConnectionCorrupted => Self::Corrupted,
@@ -189,7 +189,7 @@ impl From<SendError> for Refusal {
     }
 }
 
-impl From<ReceiveError> for Refusal {
+impl From<ReceiveError> for PortRefusal {
     fn from(e: ReceiveError) -> Self {
         match e {
             ReceiveError::ExceedsMaxBorrows => Self::TooManyHeld,
@@ -198,7 +198,7 @@ impl From<ReceiveError> for Refusal {
     }
 }
 
-impl From<ConnectionFailure> for Refusal {
+impl From<ConnectionFailure> for PortRefusal {
     fn from(e: ConnectionFailure) -> Self {
         match e {
             ConnectionFailure::FailedToEstablishConnection(_)

@@ -7,7 +7,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 
 use stillpoint_samples::{Header, Pieces, PointCloud, Pose, Sample};
-use stillpoint_shm::{Contract, CounterFault, Domain, Refusal, ShmError, Topic, Wake, sweep};
+use stillpoint_shm::{Contract, CounterFault, Domain, PortRefusal, ShmError, Topic, Wake, sweep};
 use zerocopy::IntoBytes;
 
 struct Room {
@@ -88,7 +88,7 @@ fn another_layout_or_frame_is_refused() {
     let other_type = Contract::new("a.cloud", Pose::KIND, Some("camera"), 1);
     for wrong in [other_frame, other_type] {
         let error = Topic::open(&domain, &wrong).err().expect("refused");
-        let expected = matches!(&error, ShmError::Topic { topic, cause: Refusal::OtherContract, .. } if topic == "a.cloud");
+        let expected = matches!(&error, ShmError::Topic { topic, cause: PortRefusal::OtherContract, .. } if topic == "a.cloud");
         assert!(expected, "{error}");
     }
     assert!(Topic::open(&domain, &contract(2)).is_ok());
@@ -143,8 +143,8 @@ fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
     assert!(absent.contains("topic a.cloud") && absent.contains("the run has ended"), "{absent}");
     let few = Contract { subscribers: 1, publishers: 1, ..contract(2) };
     let topic = Topic::create(&domain, &few).unwrap();
-    let again = Topic::create(&domain, &few).err().unwrap().to_string();
-    assert!(again.contains("another run has the same prefix: start the run again"), "{again}");
+    let repeated = Topic::create(&domain, &few).err().unwrap().to_string();
+    assert!(repeated.contains("another run has the same prefix: start the run again"), "{repeated}");
     let _tap = topic.subscriber(1).unwrap();
     let tap = topic.subscriber(1).err().unwrap().to_string();
     assert!(tap.contains("subscriber on topic a.cloud") && tap.contains("end an `echo`"), "{tap}");
@@ -165,8 +165,8 @@ fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
 fn a_late_subscriber_has_the_newest_samples_that_were_kept_and_the_others_none() {
     let room = room("history");
     let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
-    let kept = Contract { history: 20, ..contract(2) };
-    let _created = Topic::create(&domain, &kept).unwrap();
+    let retained = Contract { history: 20, ..contract(2) };
+    let _created = Topic::create(&domain, &retained).unwrap();
     // The creator alone says that samples are kept.
     let topic = Topic::open(&domain, &contract(2)).unwrap();
     assert_eq!(topic.contract().history, 20);
@@ -189,7 +189,7 @@ fn a_late_subscriber_has_the_newest_samples_that_were_kept_and_the_others_none()
         assert_eq!((depth, seen), (20, (30..50).collect()));
         assert!(other.receive().unwrap().is_none());
     }
-    assert!(kept.pool_bytes() > contract(2).pool_bytes());
+    assert!(retained.pool_bytes() > contract(2).pool_bytes());
 }
 
 /// Objects of a domain in shared memory.

@@ -60,7 +60,7 @@ pub enum TransportError {
 
 /// The reason why no sample passes between two ends that reach each other.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum LinkRefusal {
     /// The other end has another type of sample, layout or frame.
     #[error("the server at {peer} sends `{found}`, not `{expected}`: nothing is taken from it")]
     OtherChannel {

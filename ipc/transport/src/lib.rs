@@ -16,7 +16,7 @@ mod error;
 
 pub use channel::Channel;
 pub use datagrams::Datagrams;
-pub use error::{Refusal, TransportError};
+pub use error::{LinkRefusal, TransportError};
 
 use std::net::SocketAddr;
 
@@ -42,7 +42,7 @@ pub enum LinkState {
     /// Samples can pass. A transport without connections is always open.
     Open,
     /// The other end is there, but no sample passes, for this reason.
-    Refused(Refusal),
+    Refused(LinkRefusal),
     /// This end was closed.
     Closed,
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use stillpoint_samples::Pieces;
 use stillpoint_transport::conformance::conforms;
 use stillpoint_transport::{
-    Carries, Channel, LinkState, Origin, Receiver, Refusal, Sender, Transport, TransportError,
+    Carries, Channel, LinkRefusal, LinkState, Origin, Receiver, Sender, Transport, TransportError,
 };
 
 /// What is wrong with the transport.
@@ -41,7 +41,7 @@ struct MemoryQueue {
     taken: Option<Channel>,
     samples: VecDeque<Vec<u8>>,
     discarded: u64,
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
 }
 
 impl Transport for Memory {
@@ -80,13 +80,13 @@ impl Sender for End {
         let sample = sample.check(sent.kind).map_err(TransportError::Sample)?;
         if sent.name() != taken.name() && self.fault != Fault::TakesAnyType {
             let (found, expected) = (sent.name(), taken.name());
-            line.refusal = Some(Refusal::OtherChannel { peer: "memory".to_string(), found, expected });
+            line.refusal = Some(LinkRefusal::OtherChannel { peer: "memory".to_string(), found, expected });
             return Ok(());
         }
         let mut bytes = [sample.meta, sample.payload].concat();
         if bytes.len() > taken.longest() {
             let (bytes, longest) = (bytes.len(), taken.longest());
-            line.refusal = Some(Refusal::TooLong { peer: "memory".to_string(), bytes, longest });
+            line.refusal = Some(LinkRefusal::TooLong { peer: "memory".to_string(), bytes, longest });
             return Ok(());
         }
         if self.fault == Fault::Cuts && bytes.len() > 200 {

@@ -48,7 +48,7 @@ pub struct DiskFiles {
 
 impl DiskFiles {
     /// Files named relative to the folder of `pipeline_file`.
-    pub fn beside(pipeline_file: &Path) -> Self {
+    pub fn next_to(pipeline_file: &Path) -> Self {
         let base = pipeline_file.parent().map(Path::to_path_buf).unwrap_or_default();
         Self { base, carried: BTreeMap::new() }
     }
@@ -191,7 +191,7 @@ mod tests {
     #[test]
     fn a_file_that_comes_with_the_program_goes_before_one_on_disk_and_others_are_looked_for() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let files = DiskFiles::beside(&folder.join("x.yaml")).carrying(&[("Cargo.toml", b"carried")]);
+        let files = DiskFiles::next_to(&folder.join("x.yaml")).carrying(&[("Cargo.toml", b"carried")]);
         assert_eq!(files.read("Cargo.toml").unwrap(), b"carried");
         assert!(files.read("src/lib.rs").unwrap().len() > 7);
         assert_eq!(files.list("Cargo.toml").unwrap(), ["Cargo.toml"]);
@@ -206,8 +206,8 @@ mod tests {
         assert!(sorted(&["f_9998", "f_10000", "f_99999999999999999999999", "f_100000000000000000000000"]));
         assert!(sorted(&["", "0", "00", "0a", "a"]));
         let files = ["s/frame_10000.png", "s/frame_9998.png", "s/._frame_1.png"];
-        let kept = MemoryFiles { files: files.map(|n| (n.into(), Vec::new())).into() };
-        assert_eq!(kept.list("s/*.png").unwrap(), ["s/frame_9998.png", "s/frame_10000.png"]);
+        let retained = MemoryFiles { files: files.map(|n| (n.into(), Vec::new())).into() };
+        assert_eq!(retained.list("s/*.png").unwrap(), ["s/frame_9998.png", "s/frame_10000.png"]);
     }
 
     #[test]
@@ -219,24 +219,24 @@ mod tests {
         std::fs::create_dir(folder.path().join("a_3.png")).unwrap();
         std::os::unix::fs::symlink("nowhere", folder.path().join("a_0.png")).unwrap();
         let _socket = std::os::unix::net::UnixListener::bind(folder.path().join("a_4.png")).unwrap();
-        let disk = DiskFiles::beside(&folder.path().parent().unwrap().join("x.yaml"));
+        let disk = DiskFiles::next_to(&folder.path().parent().unwrap().join("x.yaml"));
         let name = folder.path().file_name().unwrap().to_str().unwrap();
         let under = |names: &[&str]| names.iter().map(|n| format!("{name}/{n}")).collect::<Vec<_>>();
         assert_eq!(disk.list(&format!("{name}/a_*.png")).unwrap(), under(&["a_0.png", "a_1.png", "a_2.png"]));
         assert_eq!(disk.list(name).unwrap().len(), 5);
         assert!(disk.read(&under(&["a_0.png"])[0]).is_err());
-        let beside = DiskFiles::beside(&folder.path().join("x.yaml"));
-        assert_eq!(beside.list("*.txt").unwrap(), ["notes.txt"]);
-        let kept = MemoryFiles {
+        let next_to = DiskFiles::next_to(&folder.path().join("x.yaml"));
+        assert_eq!(next_to.list("*.txt").unwrap(), ["notes.txt"]);
+        let retained = MemoryFiles {
             files: [("notes.txt", ""), ("s/a.png", ""), ("s/t/b.png", "")]
                 .map(|(n, b)| (n.into(), b.into()))
                 .into(),
         };
-        assert_eq!(kept.list("*.txt").unwrap(), ["notes.txt"]);
+        assert_eq!(retained.list("*.txt").unwrap(), ["notes.txt"]);
         assert_eq!(
-            (kept.list("s").unwrap(), kept.list("s/*.png").unwrap()),
+            (retained.list("s").unwrap(), retained.list("s/*.png").unwrap()),
             (vec!["s/a.png".into()], vec!["s/a.png".into()])
         );
-        assert!(kept.list("s/*.pcd").is_err());
+        assert!(retained.list("s/*.pcd").is_err());
     }
 }

@@ -215,12 +215,12 @@ mod tests {
     fn a_flood_from_many_ports_costs_no_order_of_another_port_or_address() {
         let arrivals = Arrivals::at_most(MOST_DATAGRAMS);
         let flood = |port: u16| SocketAddr::from(([10, 0, 0, 9], 4000 + port));
-        let (beside, elsewhere) =
+        let (neighbour, elsewhere) =
             (SocketAddr::from(([10, 0, 0, 9], 99)), SocketAddr::from(([10, 0, 0, 2], 4000)));
         let put = |sender, bytes: &[u8]| arrivals.put(Some(sender), &mut bytes.to_vec());
         let mut taken = [0, 0];
         for order in 0..250_u32 {
-            put(beside, b"order beside");
+            put(neighbour, b"order beside");
             put(elsewhere, b"order elsewhere");
             // As many as 164,000 a second are in 2 ms, over 64 ports.
             (0..328_u32).for_each(|k| put(flood((k % 64) as u16), &(order + k).to_le_bytes()));

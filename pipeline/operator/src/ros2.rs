@@ -21,7 +21,7 @@ const HEAD: usize = 24;
 /// The longest attachment that is handed over, bytes.
 pub const LONGEST_ATTACHMENT: usize = 64;
 /// Bytes that a delivery has beside its message, at most.
-pub const MOST_BESIDE: usize = HEAD + LONGEST_ATTACHMENT;
+pub const LONGEST_COMPANIONS: usize = HEAD + LONGEST_ATTACHMENT;
 
 /// What the bridge hands over of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

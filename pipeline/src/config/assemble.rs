@@ -142,14 +142,14 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
         Parsed::All => return Record::All,
         Parsed::Topics(topics) => topics,
     };
-    let mut kept = BTreeSet::new();
+    let mut retained = BTreeSet::new();
     let mut list = Vec::new();
     for topic in topics {
         if output(document, wired, topic, findings).is_none() {
             continue;
         }
         let name = format!("{}.{}", topic.value.operator.value, topic.value.port.value);
-        if !kept.insert(name.clone()) {
+        if !retained.insert(name.clone()) {
             findings.say(
                 topic.span,
                 Code::DuplicateName,

@@ -28,7 +28,7 @@ pub fn check(
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
     // A session is replayed, and a run joined, wherever one is: what its processes asked of their machine is no fault.
-    checked(&Machine::default(), Purpose::Again, text, file_name, sets, registry, files)
+    checked(&Machine::default(), Purpose::Restart, text, file_name, sets, registry, files)
 }
 
 /// What a pipeline is checked for.
@@ -37,7 +37,7 @@ enum Purpose {
     /// It is to run.
     Run,
     /// It has run, or runs: what contradicts itself in it is a fact, which a replay shows.
-    Again,
+    Restart,
 }
 
 /// As [`check`], for a pipeline that is to run on this machine.

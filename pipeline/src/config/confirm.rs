@@ -7,7 +7,7 @@ use super::document::Document;
 use super::faults::{Code, Findings};
 use super::near::shown;
 use super::wiring::Wired;
-use crate::console::{ConsoleParams, KIND_NAME, Said};
+use crate::console::{ConsoleParams, KIND_NAME, ScriptCommand};
 use crate::params::CheckedParams;
 
 /// Kinds whose names begin so simulate the camera and the head.
@@ -15,9 +15,9 @@ const RIGS: &str = "rig.";
 /// Port of the console's verb, and the parameter that may waive it.
 const CONFIRM: &str = "confirm";
 /// What a person has to look at: the console's port, the word of a script, and the fault of a script that says it.
-const LOOKED_AT: [(&str, Said, &str); 2] = [
-    (CONFIRM, Said::Confirm, "a script confirms its reference"),
-    ("accept", Said::Accept, "a script accepts its plan"),
+const LOOKED_AT: [(&str, ScriptCommand, &str); 2] = [
+    (CONFIRM, ScriptCommand::Confirm, "a script confirms its reference"),
+    ("accept", ScriptCommand::Accept, "a script accepts its plan"),
 ];
 
 /// Checks it. `params` are the checked parameters of each operator, as far as they could be read.
@@ -29,10 +29,10 @@ pub fn check<'a>(
 ) {
     let numbers = document.numbers();
     let params: Vec<Option<&CheckedParams>> = params.collect();
-    let says = |console: usize, said: Said| {
+    let says = |console: usize, command: ScriptCommand| {
         let params = params.get(console).copied().flatten();
         let params = params.and_then(|p| p.value.downcast_ref::<ConsoleParams>());
-        params.is_some_and(|p| p.script.iter().any(|line| line.say == said))
+        params.is_some_and(|p| p.script.iter().any(|line| line.say == command))
     };
     for (number, params) in params.iter().enumerate() {
         let console = params.and_then(|p| p.value.downcast_ref::<ConsoleParams>());
@@ -51,8 +51,8 @@ pub fn check<'a>(
         let console = parsed.inputs.iter().find_map(|input| {
             let topic = &input.from.as_ref()?.value;
             let console = *numbers.get(topic.operator.value.as_str())?;
-            let (_, said, what) = LOOKED_AT.iter().find(|(port, ..)| *port == topic.port.value)?;
-            says(console, *said).then_some((console, *what))
+            let (_, command, what) = LOOKED_AT.iter().find(|(port, ..)| *port == topic.port.value)?;
+            says(console, *command).then_some((console, *what))
         });
         let is_waived = params
             .get(number)

@@ -69,8 +69,8 @@ pub fn period(entry: &Entry, findings: &Findings) -> Option<Marked<u64>> {
 /// Reads a whole number within limits.
 pub fn count(entry: &Entry, least: u32, greatest: u32, findings: &Findings) -> Option<u32> {
     let key = shown(&entry.key.value);
-    let due = format!("a whole number from {least} to {greatest}");
-    let text = entry.value.scalar(&key, &due, findings)?;
+    let expected = format!("a whole number from {least} to {greatest}");
+    let text = entry.value.scalar(&key, &expected, findings)?;
     let value =
         quantity::whole(text).map_err(|c| findings.add(entry.value.span, c.about(&entry.key.value))).ok()?;
     if let Some(value) = u32::try_from(value).ok().filter(|v| (least..=greatest).contains(v)) {
@@ -80,7 +80,7 @@ pub fn count(entry: &Entry, least: u32, greatest: u32, findings: &Findings) -> O
     findings.say(
         entry.value.span,
         Code::OutOfRange,
-        format!("{key} is {}, but must be {due}", shown(text)),
+        format!("{key} is {}, but must be {expected}", shown(text)),
         format!("the nearest allowed value is `{nearest}`"),
     );
     None

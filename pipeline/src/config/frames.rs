@@ -62,22 +62,22 @@ fn frame(entry: &Entry, findings: &Findings) -> Option<(Frame, Span)> {
     Some((Frame { parent: parent.value, parent_from_frame, measured, residual }, parent.span))
 }
 
-fn triple(entry: &Entry, unit: &str, due: &str, findings: &Findings) -> Option<[f64; 3]> {
+fn triple(entry: &Entry, unit: &str, expected: &str, findings: &Findings) -> Option<[f64; 3]> {
     let key = &entry.key.value;
-    let due = format!("a list of {due}");
-    let items = entry.value.list(&shown(key), &due, findings)?;
+    let expected = format!("a list of {expected}");
+    let items = entry.value.list(&shown(key), &expected, findings)?;
     if items.len() != 3 {
         findings.say(
             entry.value.span,
             Code::WrongShape,
-            format!("`{key}` has {} items, but must be {due}", items.len()),
-            format!("write {due}"),
+            format!("`{key}` has {} items, but must be {expected}", items.len()),
+            format!("write {expected}"),
         );
     }
     let read: Vec<Option<f64>> = items
         .iter()
         .map(|item| {
-            let text = item.scalar(&shown(key), &due, findings)?;
+            let text = item.scalar(&shown(key), &expected, findings)?;
             quantity::si(text, unit).map_err(|c| findings.add(item.span, c.about(key))).ok()
         })
         .collect();

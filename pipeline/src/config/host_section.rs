@@ -34,8 +34,8 @@ pub struct ParsedHost {
 
 /// Reads the section.
 pub fn read(node: &Node, findings: &Findings) -> Vec<ParsedHost> {
-    let due = "a mapping from hosts to { listen: tcp/ADDRESS:PORT } or { connect: tcp/ADDRESS:PORT }";
-    let entries = node.map("`hosts`", due, findings).unwrap_or_default();
+    let expected = "a mapping from hosts to { listen: tcp/ADDRESS:PORT } or { connect: tcp/ADDRESS:PORT }";
+    let entries = node.map("`hosts`", expected, findings).unwrap_or_default();
     let hosts: Vec<ParsedHost> = entries.iter().filter_map(|e| host(e, findings)).collect();
     let is_alone = |h: &ParsedHost| h.node.connect.is_empty() && h.node.router.is_empty();
     if !hosts.is_empty() && hosts.iter().all(is_alone) && !findings.any_within(node.span) {
@@ -99,8 +99,8 @@ fn endpoints(entry: &Entry, has_tls: bool, findings: &Findings) -> Vec<String> {
 
 /// The certificate of a host.
 fn tls(entry: &Entry, findings: &Findings) -> Option<HostTls> {
-    let due = "{ certificate: FILE, key: FILE, authority: FILE }";
-    let keys = Keys::of(entry.value.map("`tls`", due, findings)?, TLS_KEYS, "a certificate", findings);
+    let expected = "{ certificate: FILE, key: FILE, authority: FILE }";
+    let keys = Keys::of(entry.value.map("`tls`", expected, findings)?, TLS_KEYS, "a certificate", findings);
     let file = |key: &str| {
         let Some(entry) = keys.get(key) else {
             findings.say(

@@ -113,8 +113,8 @@ fn queue(entry: &Entry, findings: &Findings) -> Option<Marked<ParsedPolicy>> {
 }
 
 fn sync(entry: &Entry, own: &str, findings: &Findings) -> Option<Marked<ParsedPolicy>> {
-    let due = "{ with: [input], within: 5 ms }";
-    let entries = entry.value.map("`sync`", due, findings)?;
+    let expected = "{ with: [input], within: 5 ms }";
+    let entries = entry.value.map("`sync`", expected, findings)?;
     let keys = Keys::of(entries, &["with", "within"], "`sync`", findings);
     let with = match keys.get("with") {
         Some(e) => partners(&e.value, own, findings),

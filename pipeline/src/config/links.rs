@@ -25,9 +25,9 @@ const PORT: &str = "datagram";
 
 /// Reads the section, adds the far ends to the operators and connects those who take the topics to them.
 pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, findings: &Findings) {
-    let due = "a mapping from topics to { udp: address:port }";
+    let expected = "a mapping from topics to { udp: address:port }";
     let mut taken: Vec<SocketAddr> = Vec::new();
-    for entry in node.map("`links`", due, findings).unwrap_or_default() {
+    for entry in node.map("`links`", expected, findings).unwrap_or_default() {
         if let Some(far) = far_operator(entry, operators, findings) {
             if let Some(Wire::Udp(address)) = far.link {
                 if taken.iter().any(|other| clash(other, &address)) {

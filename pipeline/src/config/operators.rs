@@ -45,8 +45,8 @@ const SHORTEST_PERIOD: u64 = 1_000;
 
 /// Reads the section.
 pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>> {
-    let due = "a mapping from names to operators";
-    let Some(entries) = entry.value.map("`operators`", due, findings) else { return Vec::new() };
+    let expected = "a mapping from names to operators";
+    let Some(entries) = entry.value.map("`operators`", expected, findings) else { return Vec::new() };
     if entries.is_empty() && !findings.any_within(entry.value.span) {
         findings.say(
             entry.key.span,

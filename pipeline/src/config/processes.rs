@@ -39,8 +39,8 @@ pub struct ParsedProcess {
 
 /// Reads the section.
 pub fn read(node: &Node, findings: &Findings) -> Vec<ParsedProcess> {
-    let due = "a mapping from names to lists of operators";
-    let entries = node.map("`processes`", due, findings).unwrap_or_default();
+    let expected = "a mapping from names to lists of operators";
+    let entries = node.map("`processes`", expected, findings).unwrap_or_default();
     entries.iter().map(|e| process(e, findings)).collect()
 }
 
@@ -97,8 +97,8 @@ fn outlives(entry: &Entry, findings: &Findings) -> Option<u64> {
 }
 
 fn members(node: &Node, what: &str, findings: &Findings) -> Vec<Marked<String>> {
-    let due = "a list of operators";
-    let items = node.list(what, due, findings).unwrap_or_default();
+    let expected = "a list of operators";
+    let items = node.list(what, expected, findings).unwrap_or_default();
     if items.is_empty() && matches!(node.value, Value::List(_)) {
         findings.say(
             node.span,

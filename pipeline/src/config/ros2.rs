@@ -95,9 +95,9 @@ fn publication(
         let message = message(messages, parsed, kind.name, findings)?;
         publications.push(publish(topic.value.as_str().to_owned(), message));
         if messages.contains(&RosMessage::CameraInfo) {
-            match topic.value.beside("camera_info") {
-                Ok(beside) => {
-                    publications.push(publish(beside.as_str().to_owned(), RosMessage::CameraInfo));
+            match topic.value.sibling("camera_info") {
+                Ok(sibling) => {
+                    publications.push(publish(sibling.as_str().to_owned(), RosMessage::CameraInfo));
                 }
                 Err(reason) => findings.say(
                     topic.span,

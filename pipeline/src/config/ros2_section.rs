@@ -46,8 +46,8 @@ pub struct ParsedPublication {
 /// Reads the section.
 pub fn read(entry: &Entry, findings: &Findings) -> ParsedRos2 {
     let span = entry.key.span;
-    let due = "a mapping with `connect: tcp/127.0.0.1:7447`";
-    let Some(entries) = entry.value.map("`ros2`", due, findings) else {
+    let expected = "a mapping with `connect: tcp/127.0.0.1:7447`";
+    let Some(entries) = entry.value.map("`ros2`", expected, findings) else {
         let connect = String::new();
         return ParsedRos2 { connect, domain: 0, publish: Vec::new(), span, whole: entry.value.span };
     };
@@ -60,8 +60,8 @@ pub fn read(entry: &Entry, findings: &Findings) -> ParsedRos2 {
         }
     };
     let domain = keys.get("domain").and_then(|e| count(e, 0, LARGEST_DOMAIN, findings)).unwrap_or(0);
-    let due = "a mapping from topics to { topic: /NAME }";
-    let publish = keys.get("publish").and_then(|e| e.value.map("`publish`", due, findings));
+    let expected = "a mapping from topics to { topic: /NAME }";
+    let publish = keys.get("publish").and_then(|e| e.value.map("`publish`", expected, findings));
     let publish = publish.unwrap_or_default().iter().filter_map(|e| publication(e, findings)).collect();
     ParsedRos2 { connect: connect.unwrap_or_default(), domain, publish, span, whole: entry.value.span }
 }
@@ -84,9 +84,9 @@ fn publication(entry: &Entry, findings: &Findings) -> Option<ParsedPublication> 
     let of = topic_at(&entry.key.value, entry.key.span, findings)?;
     let entries = entry.value.map(&shown(&entry.key.value), "{ topic: /head_pose }", findings)?;
     let keys = Keys::of(entries, PUBLICATION_KEYS, "a topic that is published", findings);
-    let text = |key: &str, due: &str| {
+    let text = |key: &str, expected: &str| {
         let entry = keys.get(key)?;
-        let text = entry.value.scalar(&shown(key), due, findings)?;
+        let text = entry.value.scalar(&shown(key), expected, findings)?;
         Some(Marked::new(text.to_owned(), entry.value.span))
     };
     let topic = text("topic", "the name of a topic of ROS 2").and_then(|text| ros_topic(&text, findings));

@@ -32,17 +32,17 @@ fn of_operator(
     let operator = &document.operators[number];
     let ports = stage.kind.inputs;
     let parsed = |port: usize| wired.inputs[port].parsed.and_then(|i| operator.inputs.get(i));
-    let said = |port: usize| parsed(port).and_then(|i| i.policy.as_ref());
+    let message = |port: usize| parsed(port).and_then(|i| i.policy.as_ref());
     let mut found: Vec<Option<Consumption>> = vec![None; ports.len()];
     for (port, found) in found.iter_mut().enumerate() {
-        match said(port).map(|p| &p.value) {
+        match message(port).map(|p| &p.value) {
             Some(ParsedPolicy::Latest) => *found = Some((Policy::Latest, None)),
             Some(ParsedPolicy::Queue(length)) => *found = Some((Policy::Queue(*length), None)),
             _ => {}
         }
     }
     for port in 0..ports.len() {
-        let Some(ParsedPolicy::Sync { with, within }) = said(port).map(|p| &p.value) else { continue };
+        let Some(ParsedPolicy::Sync { with, within }) = message(port).map(|p| &p.value) else { continue };
         let mut set = vec![port];
         for partner in with {
             match ports.iter().position(|p| p.name == partner.value) {
@@ -74,7 +74,7 @@ fn of_operator(
         for member in &set {
             match &found[*member] {
                 Some(other) if *other != consumption => {
-                    let span = said(port).map_or(operator.name.span, |p| p.span);
+                    let span = message(port).map_or(operator.name.span, |p| p.span);
                     findings.say(
                         span,
                         Code::Policy,
@@ -100,7 +100,7 @@ fn by_kind(found: Vec<Option<Consumption>>, stage: &Stage, wired: &Wired) -> Vec
     let leader = (0..ports.len()).find(|p| is_in_step(*p));
     (0..ports.len())
         .map(|port| match (found[port], ports[port].policy) {
-            (Some(said), _) => said,
+            (Some(message), _) => message,
             (None, Policy::Sync { within }) => {
                 let within = match leader.map(|l| ports[l].policy) {
                     Some(Policy::Sync { within }) => within,

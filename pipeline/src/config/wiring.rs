@@ -211,27 +211,27 @@ impl Lookup<'_> {
         &self,
         operator: usize,
         input: &str,
-        due: &'static SampleKind,
+        expected: &'static SampleKind,
         from: &Marked<Topic>,
         found: &'static SampleKind,
     ) {
         let topic = format!("{}.{}", from.value.operator.value, from.value.port.value);
-        let message = if due.name == found.name {
+        let message = if expected.name == found.name {
             format!(
-                "`{input}` takes {due}, but `{topic}` sends {found}: their layouts or units differ",
-                due = due.type_name(),
+                "`{input}` takes {expected}, but `{topic}` sends {found}: their layouts or units differ",
+                expected = expected.type_name(),
                 found = found.type_name()
             )
         } else {
             format!(
                 "`{input}` takes {}, but `{topic}` sends {}",
-                with_article(due.name),
+                with_article(expected.name),
                 with_article(found.name)
             )
         };
-        let topics = self.topics_of(due, operator);
+        let topics = self.topics_of(expected, operator);
         let help = match topics.as_slice() {
-            [] => format!("no operator of this pipeline sends {}: add one", with_article(due.name)),
+            [] => format!("no operator of this pipeline sends {}: add one", with_article(expected.name)),
             some => {
                 let quoted: Vec<String> = some.iter().map(|t| format!("`{t}`")).collect();
                 let words: Vec<&str> = quoted.iter().map(String::as_str).collect();

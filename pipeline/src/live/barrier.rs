@@ -34,20 +34,20 @@ pub enum BarrierError {
 /// Waits until every process has made its ports, or `is_stopped`.
 pub fn wait_until_made<'c>(
     children: impl Iterator<Item = &'c mut Child>,
-    told: &mut Vec<ReportedFault>,
+    reported: &mut Vec<ReportedFault>,
     is_stopped: impl Fn() -> bool,
 ) -> Result<(), BarrierError> {
     for child in children {
         let begun = Instant::now();
         while !child.made && !child.is_gone() && begun.elapsed() < PATIENCE && !is_stopped() {
-            child.wait(POLL_INTERVAL, told, |c| c.made);
+            child.wait(POLL_INTERVAL, reported, |c| c.made);
         }
         if is_stopped() {
             return Err(BarrierError::Stopped);
         }
         if !child.made {
-            let said = child.fatal_reason.take().or_else(|| told.first().map(|t| t.reason.clone()));
-            return Err(match said {
+            let message = child.fatal_reason.take().or_else(|| reported.first().map(|t| t.reason.clone()));
+            return Err(match message {
                 Some(reason) => BarrierError::Refused(reason),
                 None if child.is_gone() => BarrierError::Ended(child.name.clone()),
                 None => BarrierError::NotMade(child.name.clone()),
@@ -63,7 +63,7 @@ pub fn connect(
     workers: &mut [&mut Child],
     number: u64,
     patience: Duration,
-    told: &mut Vec<ReportedFault>,
+    reported: &mut Vec<ReportedFault>,
 ) -> Result<(), BarrierError> {
     let begun = Instant::now();
     for worker in workers.iter_mut() {
@@ -72,7 +72,7 @@ pub fn connect(
     let mut late = None;
     for worker in workers.iter_mut() {
         let left = patience.saturating_sub(begun.elapsed());
-        if !worker.wait(left, told, |c| c.connected >= number) {
+        if !worker.wait(left, reported, |c| c.connected >= number) {
             late.get_or_insert_with(|| worker.name.clone());
         }
     }

@@ -82,7 +82,7 @@ pub struct Child {
     process: Process,
     stdin: Option<ChildStdin>,
     lines: PipeReader,
-    heard: VecDeque<FromWorker>,
+    received: VecDeque<FromWorker>,
     ended: bool,
 }
 
@@ -141,10 +141,10 @@ impl Child {
             process,
             stdin,
             lines: PipeReader::new(OwnedFd::from(stdout)),
-            heard: VecDeque::new(),
+            received: VecDeque::new(),
             ended: false,
         };
-        child.tell(hello);
+        child.send_message(hello);
         Ok(child)
     }
 
@@ -159,7 +159,7 @@ impl Child {
     }
 
     /// Sends it a message. A child that is gone does not get it; the pipe shows its end.
-    pub fn tell<T: Serialize>(&mut self, message: &T) {
+    pub fn send_message<T: Serialize>(&mut self, message: &T) {
         if let Some(stdin) = &mut self.stdin
             && say(stdin, message).is_err()
         {
@@ -169,7 +169,7 @@ impl Child {
 
     /// Orders it to connect to all publishers that are there. `order` makes its message of the number.
     pub fn order_connect<T: Serialize>(&mut self, number: u64, order: fn(Connect) -> T) {
-        self.tell(&order(Connect { number }));
+        self.send_message(&order(Connect { number }));
         let now = Instant::now();
         (self.ordered, self.asked) = (number, now);
         self.unanswered_since.get_or_insert(now);
@@ -193,8 +193,8 @@ impl Child {
         self.kill();
     }
 
-    /// Reads its messages. Failures go into `told`.
-    pub fn listen(&mut self, told: &mut Vec<ReportedFault>) {
+    /// Reads its messages. Failures go into `reported`.
+    pub fn listen(&mut self, reported: &mut Vec<ReportedFault>) {
         while !self.ended {
             match self.lines.next::<FromWorker>() {
                 Ok(PipeRead::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
@@ -202,11 +202,11 @@ impl Child {
                     if fatal {
                         self.fatal_reason = Some(reason.clone());
                     }
-                    told.push(ReportedFault { operator, incarnation, reason, fatal });
+                    reported.push(ReportedFault { operator, incarnation, reason, fatal });
                 }
                 Ok(PipeRead::Message(FromWorker::Panicked { operator, incarnation, reason })) => {
                     self.panicked.push((operator.clone(), reason.clone()));
-                    told.push(ReportedFault { operator, incarnation, reason, fatal: false });
+                    reported.push(ReportedFault { operator, incarnation, reason, fatal: false });
                 }
                 Ok(PipeRead::Message(FromWorker::Made)) => {
                     self.made = true;
@@ -219,13 +219,13 @@ impl Child {
                 }
                 Ok(PipeRead::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(PipeRead::Message(FromWorker::Bridged(report))) => self.bridged = Some(report),
-                Ok(PipeRead::Message(FromWorker::Told(news))) => self.news.push(news),
-                Ok(PipeRead::Message(message)) => self.heard.push_back(message),
+                Ok(PipeRead::Message(FromWorker::Reported(news))) => self.news.push(news),
+                Ok(PipeRead::Message(message)) => self.received.push_back(message),
                 Ok(PipeRead::Nothing) => return,
                 Ok(PipeRead::Ended) => self.ended = true,
                 Err(error) => {
                     let reason = error.to_string();
-                    told.push(ReportedFault {
+                    reported.push(ReportedFault {
                         operator: self.name.clone(),
                         incarnation: 0,
                         reason,
@@ -239,25 +239,25 @@ impl Child {
     }
 
     /// Whether a message was heard and not taken.
-    pub fn has_said(&self) -> bool {
-        !self.heard.is_empty()
+    pub fn has_answered(&self) -> bool {
+        !self.received.is_empty()
     }
 
     /// The oldest message that was heard and not taken.
     pub fn next(&mut self) -> Option<FromWorker> {
-        self.heard.pop_front()
+        self.received.pop_front()
     }
 
     /// Waits until `done` holds; whether it does. A child that is gone is not waited for.
     pub fn wait(
         &mut self,
         patience: Duration,
-        told: &mut Vec<ReportedFault>,
+        reported: &mut Vec<ReportedFault>,
         done: impl Fn(&Self) -> bool,
     ) -> bool {
         let end = Instant::now() + patience;
         loop {
-            self.listen(told);
+            self.listen(reported);
             let left = end.saturating_duration_since(Instant::now());
             if done(self) || self.ended || left.is_zero() {
                 return done(self);
@@ -270,11 +270,11 @@ impl Child {
     pub fn answer(
         &mut self,
         patience: Duration,
-        told: &mut Vec<ReportedFault>,
+        reported: &mut Vec<ReportedFault>,
     ) -> Result<FromWorker, ChildError> {
         let end = Instant::now() + patience;
         loop {
-            self.listen(told);
+            self.listen(reported);
             if let Some(message) = self.next() {
                 return Ok(message);
             }
@@ -309,8 +309,8 @@ impl Child {
             match self.process.try_wait() {
                 Ok(Some(status)) => return Some(status),
                 Ok(None) if Instant::now() < end => {
-                    let mut told = Vec::new();
-                    self.listen(&mut told);
+                    let mut reported = Vec::new();
+                    self.listen(&mut reported);
                     if self.ended {
                         // The pipe closes a moment before the process is gone.
                         return self.process.wait().ok();

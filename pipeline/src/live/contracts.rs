@@ -25,13 +25,13 @@ pub const JOURNAL_DEPTH: usize = 1024;
 const RECORDER_BYTES: usize = 8 << 20;
 
 /// Time for which publishers keep what replay needs, s: a flush, the death of the recorder and its restart fit into it.
-const KEPT_SECS: f64 = 2.0;
+const RETAINED_SECS: f64 = 2.0;
 /// Activations a second of an operator without a timer before it: what comes over a wire, for one.
 const UNKNOWN_RATE: f64 = 500.0;
 /// The fewest and the most samples that are kept.
-const KEPT: (usize, usize) = (64, 16_384);
+const RETAINED: (usize, usize) = (64, 16_384);
 /// The most bytes that are kept of a topic, and of one whose rate is unknown: more than 2 s of a depth camera.
-const KEPT_BYTES: (usize, usize) = (256 << 20, 64 << 20);
+const RETAINED_BYTES: (usize, usize) = (256 << 20, 64 << 20);
 
 /// The most samples of a topic that one activation sends with memory of its own, and the bytes of larger ones: the calls
 /// and answers of a planning pool come in such numbers.
@@ -61,8 +61,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let takers = consumers.len() + usize::from(leaves);
     let deepest =
         consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
-    let is_kept = graph.is_recorded(operator, port) || WATCHED.contains(&kind);
-    let recorded = if is_kept { recorder_depth(kind, output.capacity) } else { 1 };
+    let is_retained = graph.is_recorded(operator, port) || WATCHED.contains(&kind);
+    let recorded = if is_retained { recorder_depth(kind, output.capacity) } else { 1 };
     let deepest = deepest.max(bridged);
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
     // Without a history there is always a buffer that is no longer needed, and only what comes from outside comes in bursts.
@@ -151,7 +151,7 @@ fn waiting(bytes: usize) -> usize {
 pub fn landing(graph: &Graph, operator: usize) -> Contract {
     let node = &graph.operators[operator];
     let longest = match node.subscriptions.iter().map(|s| s.longest).max() {
-        Some(longest) => longest + ros2::MOST_BESIDE,
+        Some(longest) => longest + ros2::LONGEST_COMPANIONS,
         None => {
             let kind = node.stage.kind.outputs[far_end::SAMPLE].sample;
             kind.meta_size() + node.outputs[far_end::SAMPLE].capacity * kind.element_size
@@ -188,11 +188,11 @@ fn rate(graph: &Graph, operator: usize) -> Option<f64> {
 }
 
 /// How many samples of a topic of an operator are kept for a recorder that is started again.
-fn kept(graph: &Graph, operator: usize, contract: &Contract) -> usize {
+fn retained(graph: &Graph, operator: usize, contract: &Contract) -> usize {
     let known = rate(graph, operator);
-    let count = (KEPT_SECS * known.unwrap_or(UNKNOWN_RATE)).ceil() as usize;
-    let bytes = if known.is_some() { KEPT_BYTES.0 } else { KEPT_BYTES.1 };
-    count.max(KEPT.0).min(KEPT.1).min((bytes / contract.sample_bytes().max(1)).max(1))
+    let count = (RETAINED_SECS * known.unwrap_or(UNKNOWN_RATE)).ceil() as usize;
+    let bytes = if known.is_some() { RETAINED_BYTES.0 } else { RETAINED_BYTES.1 };
+    count.max(RETAINED.0).min(RETAINED.1).min((bytes / contract.sample_bytes().max(1)).max(1))
 }
 
 /// Every contract of a graph, and the operator whose journal or recorded topic it is.
@@ -225,11 +225,11 @@ pub fn all(graph: &Graph) -> Vec<Contract> {
 pub fn all_recorded(graph: &Graph, room: u64) -> Vec<Contract> {
     let mut contracts = listed(graph);
     for (contract, operator) in &mut contracts {
-        contract.history = operator.map_or(0, |operator| kept(graph, operator, contract));
+        contract.history = operator.map_or(0, |operator| retained(graph, operator, contract));
     }
-    let wanted: u64 = contracts.iter().map(|(c, _)| (beyond(c) * c.sample_bytes()) as u64).sum();
-    if wanted > room {
-        let share = room as f64 / wanted as f64;
+    let requested: u64 = contracts.iter().map(|(c, _)| (beyond(c) * c.sample_bytes()) as u64).sum();
+    if requested > room {
+        let share = room as f64 / requested as f64;
         for (contract, _) in &mut contracts {
             let beyond = beyond(contract);
             contract.history -= beyond - (beyond as f64 * share) as usize;
@@ -333,11 +333,11 @@ mod tests {
     #[test]
     fn a_recorded_run_keeps_two_seconds_within_bounds_and_another_keeps_nothing() {
         let graph = beats();
-        let (plain, kept) = (all(&graph), all_recorded(&graph, u64::MAX));
+        let (plain, retained) = (all(&graph), all_recorded(&graph, u64::MAX));
         assert_eq!(histories(&plain), [0; 3]);
-        assert_eq!(histories(&kept), [2000, KEPT.0, KEPT.1]);
+        assert_eq!(histories(&retained), [2000, RETAINED.0, RETAINED.1]);
         // A history that fits into the buffer of the recorder takes nothing more.
-        let more = |i: usize| kept[i].pool_bytes() - plain[i].pool_bytes();
+        let more = |i: usize| retained[i].pool_bytes() - plain[i].pool_bytes();
         assert!(more(0) > 0 && more(1) == 0 && more(2) > 10 * more(0));
     }
 
@@ -346,10 +346,10 @@ mod tests {
         let graph = beats();
         let plain = all(&graph);
         for room in [0, 100_000, 1 << 20, 4 << 20] {
-            let kept = all_recorded(&graph, room as u64);
-            let more = bytes(&kept) - bytes(&plain);
+            let retained = all_recorded(&graph, room as u64);
+            let more = bytes(&retained) - bytes(&plain);
             assert!(more <= room && more as f64 > 0.9 * room as f64 - 10_000.0, "{more} of {room}");
-            assert!(kept[0].history >= JOURNAL_DEPTH && kept[1].history == KEPT.0);
+            assert!(retained[0].history >= JOURNAL_DEPTH && retained[1].history == RETAINED.0);
         }
     }
 }

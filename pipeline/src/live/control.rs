@@ -131,7 +131,7 @@ pub enum FromWorker {
     /// Of the bridge: its counts.
     Bridged(BridgeReport),
     /// Of the bridge: what happened on the network, where it is no fault.
-    Told(String),
+    Reported(String),
     /// The recorder's account of what it kept.
     Recorded(RecorderReport),
     /// Directed: the entry was published.

@@ -9,7 +9,7 @@ use stillpoint_shm::{Domain, ShmError};
 use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
 use super::error::WorkerError;
 use super::journal::{PublishError, publish_entry};
-use super::pipe::{PipeReader, tell, wait_for};
+use super::pipe::{PipeReader, send_message, wait_for};
 use super::ports::{Depth, Outlet, Ports};
 use crate::graph::{Graph, ProcessNode};
 use crate::operator::Files;
@@ -44,7 +44,7 @@ impl<'f> DirectedWorker<'f> {
 
     /// Obeys orders until the supervisor ends it.
     pub fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
-        tell(&FromWorker::Made)?;
+        send_message(&FromWorker::Made)?;
         loop {
             let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };
             match order {
@@ -54,12 +54,12 @@ impl<'f> DirectedWorker<'f> {
                     for runner in &self.runners {
                         runner.ports.connect()?;
                     }
-                    tell(&FromWorker::Connected { number })?;
+                    send_message(&FromWorker::Connected { number })?;
                 }
-                ToWorker::Stop => tell(&FromWorker::Stopped)?,
+                ToWorker::Stop => send_message(&FromWorker::Stopped)?,
                 order => {
                     let answer = self.obey(order).unwrap_or_else(|e| FromWorker::Refused(e.to_string()));
-                    tell(&answer)?;
+                    send_message(&answer)?;
                 }
             }
         }

@@ -69,7 +69,7 @@ pub enum WorkerError {
     },
     /// An operator that panicked cannot be made again.
     #[error("{operator} cannot be made again: {reason}")]
-    SetupAgain {
+    SetupOnRestart {
         /// Name of the operator.
         operator: String,
         /// Message of the operator.

@@ -13,7 +13,7 @@ use super::contracts;
 use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::error::LiveError;
 use super::journal::entry_of;
-use super::reservation::{Kept, reserve};
+use super::reservation::{Retention, reserve};
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
 use crate::graph::Graph;
@@ -40,7 +40,7 @@ impl Processes {
     pub fn start(graph: Arc<Graph>, launch: &Launch, source: &RunSource) -> Result<Self, LiveError> {
         sweep_dead()?;
         let folder = RunFolder::create()?;
-        reserve(&graph, Kept::Nothing, &folder)?;
+        reserve(&graph, Retention::Nothing, &folder)?;
         let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
         let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
@@ -71,10 +71,10 @@ impl Processes {
             };
             children.push(Child::start(launch, launch.worker, &process.name, &hello)?);
         }
-        let mut told = Vec::new();
-        wait_until_made(children.iter_mut(), &mut told, || false)?;
+        let mut reported = Vec::new();
+        wait_until_made(children.iter_mut(), &mut reported, || false)?;
         let mut workers: Vec<&mut Child> = children.iter_mut().collect();
-        connect(&mut workers, 1, PATIENCE, &mut told)?;
+        connect(&mut workers, 1, PATIENCE, &mut reported)?;
         let mut processes =
             Self { graph, children, journals, taps, _topics: topics, _domain: domain, _folder: folder };
         processes.connect()?;
@@ -94,13 +94,13 @@ impl Processes {
     fn ask(&mut self, operator: usize, order: &ToWorker) -> Result<FromWorker, PlacementError> {
         let node = &self.graph.operators[operator];
         let gone = |reason: String| PlacementError::Gone { operator: node.name.clone(), reason };
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let child = &mut self.children[node.process];
-        child.tell(order);
-        match child.answer(PATIENCE, &mut told) {
+        child.send_message(order);
+        match child.answer(PATIENCE, &mut reported) {
             Ok(FromWorker::Refused(reason)) => Err(gone(reason)),
             Ok(answer) => Ok(answer),
-            other => Err(gone(first_reason(&told, other))),
+            other => Err(gone(first_reason(&reported, other))),
         }
     }
 
@@ -140,8 +140,8 @@ impl Processes {
     }
 }
 
-fn first_reason(told: &[ReportedFault], answer: Result<FromWorker, ChildError>) -> String {
-    told.first().map(|t| t.reason.clone()).unwrap_or_else(|| match answer {
+fn first_reason(reported: &[ReportedFault], answer: Result<FromWorker, ChildError>) -> String {
+    reported.first().map(|t| t.reason.clone()).unwrap_or_else(|| match answer {
         Ok(answer) => format!("an unexpected answer: {answer:?}"),
         Err(reason) => reason.to_string(),
     })
@@ -157,12 +157,12 @@ impl Placement for Processes {
         let (mut fault, mut outputs, mut entry) = (None, Vec::new(), None);
         let mut order = ToWorker::Activate { operator, record: WireRecord::from(record) };
         loop {
-            let FromWorker::Committed { sent, left, fault: said } = self.ask(operator, &order)? else {
+            let FromWorker::Committed { sent, left, fault: message } = self.ask(operator, &order)? else {
                 return Err(self.gone(operator, "an unexpected answer to an activation".to_string()));
             };
             if entry.is_none() {
                 entry = Some(self.entry(operator)?);
-                fault = said;
+                fault = message;
             }
             self.pass_on(operator, &sent, &mut outputs)?;
             if left == 0 {
@@ -188,7 +188,7 @@ impl Placement for Processes {
 impl Drop for Processes {
     fn drop(&mut self) {
         for mut child in self.children.drain(..) {
-            child.tell(&ToWorker::Exit);
+            child.send_message(&ToWorker::Exit);
             child.reap(Duration::from_secs(5));
         }
     }

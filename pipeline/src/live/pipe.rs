@@ -56,7 +56,7 @@ pub enum PipeError {
     NotTaken,
     /// A message could not be written.
     #[error("the supervisor cannot be told: {0}")]
-    Tell(std::io::Error),
+    SendMessage(std::io::Error),
 }
 
 /// The longest line that is taken.
@@ -115,9 +115,9 @@ pub fn take_control() -> Result<(), PipeError> {
 }
 
 /// Sends a message to the supervisor. It takes no lock, which a thread that hangs could hold.
-pub fn tell(message: &FromWorker) -> Result<(), PipeError> {
+pub fn send_message(message: &FromWorker) -> Result<(), PipeError> {
     let mut line = CONTROL.get().ok_or(PipeError::NotTaken)?;
-    say(&mut line, message).map_err(PipeError::Tell)
+    say(&mut line, message).map_err(PipeError::SendMessage)
 }
 
 /// Writes a message as one line.

@@ -25,7 +25,7 @@ use super::contracts;
 use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::error::RecorderError;
 use super::missed::missed;
-use super::pipe::{PipeError, PipeRead, orders, take_control, tell, wait_for};
+use super::pipe::{PipeError, PipeRead, orders, send_message, take_control, wait_for};
 use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts};
 use crate::clock::{cpu_time, realtime};
@@ -52,7 +52,7 @@ pub fn recorder_main(registry: &Registry) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let (operator, reason) = ("recorder".to_string(), error.to_string());
-            let _ = tell(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
+            let _ = send_message(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
             ExitCode::from(70)
         }
     }
@@ -65,21 +65,21 @@ fn serve(registry: &Registry) -> Result<(), RecorderError> {
     let _held = hold(&hello.hello.root)?;
     let domain = Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder")?;
     let mut recorder = Recorder::open(&graph, &domain, &hello)?;
-    tell(&FromWorker::Made)?;
-    let mut told = true;
+    send_message(&FromWorker::Made)?;
+    let mut reported = true;
     loop {
-        while told {
+        while reported {
             match orders.next::<ToRecorder>()? {
-                PipeRead::Nothing => told = false,
+                PipeRead::Nothing => reported = false,
                 PipeRead::Message(ToRecorder::Connect(Connect { number })) => {
                     recorder.connect()?;
-                    tell(&FromWorker::Connected { number })?;
+                    send_message(&FromWorker::Connected { number })?;
                 }
                 PipeRead::Message(ToRecorder::Finish { ledger, gaps, recorder_deaths, ended_early }) => {
                     let mut facts = end_facts(ended_early.as_deref());
                     facts.insert("recorder_deaths".to_string(), recorder_deaths.to_string());
                     let report = recorder.finish(Some(ledger), gaps, facts)?;
-                    return Ok(tell(&FromWorker::Recorded(report))?);
+                    return Ok(send_message(&FromWorker::Recorded(report))?);
                 }
                 PipeRead::Ended => {
                     recorder.outlive(graph.outlives())?;
@@ -92,7 +92,7 @@ fn serve(registry: &Registry) -> Result<(), RecorderError> {
         recorder.drain()?;
         let mut fd = [PollFd::from_borrowed_fd(orders.fd(), PollFlags::IN)];
         match poll(&mut fd, Some(&Timespec { tv_sec: 0, tv_nsec: PERIOD })) {
-            Ok(ready) => told = ready > 0,
+            Ok(ready) => reported = ready > 0,
             Err(rustix::io::Errno::INTR) => {}
             Err(e) => return Err(PipeError::Read(e).into()),
         }
@@ -139,14 +139,14 @@ impl Recorder {
         let before = if first_part { None } else { Flushed::load(&hello.hello.root) };
         let mut flushed = Flushed::new(&hello.hello.root, before.as_ref());
         let mut taps = Vec::new();
-        let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
+        let retained = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),
             (operator, Some(port)) => (info, contracts::output(graph, operator, port)),
         });
         let measured = timing_infos(graph)
             .into_iter()
             .filter_map(|(info, operator)| Some((info, contracts::timing(graph, operator)?)));
-        for (info, contract) in kept.chain(measured) {
+        for (info, contract) in retained.chain(measured) {
             let topic = Topic::open(domain, &contract)?;
             let (subscriber, buffer) = topic.subscriber_with_history()?;
             let id = part.add_topic(info.clone())?;

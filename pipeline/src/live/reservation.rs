@@ -24,7 +24,7 @@ const ROOM: &str = "room";
 const LOCK: &str = ".room";
 
 /// Of the room that is left beside what the topics need: 1 of so many parts may hold what publishers keep.
-const KEPT_PART: u64 = 2;
+const RETAINED_PART: u64 = 2;
 
 /// Bytes that iceoryx2 adds to the memory of a topic, at most.
 const OWN_BYTES: u64 = 1 << 16;
@@ -107,7 +107,7 @@ fn others(promised: u64) -> String {
 
 /// What the publishers of a run keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum Retention {
     /// Nothing: the run is not recorded.
     Nothing,
     /// The newest samples of journals and recorded topics, for a recorder that is started again.
@@ -116,7 +116,11 @@ pub enum Kept {
 
 /// Reserves the memory that the topics of a graph may take, and gives their contracts. Where shared memory is small, the
 /// publishers keep less, and the run begins nevertheless.
-pub fn reserve(graph: &Graph, kept: Kept, folder: &RunFolder) -> Result<Vec<Contract>, ReserveError> {
+pub fn reserve(
+    graph: &Graph,
+    retained: Retention,
+    folder: &RunFolder,
+) -> Result<Vec<Contract>, ReserveError> {
     let plain = contracts::all(graph);
     allow_files(plain.len() as u64)?;
     let needed = bytes_of(&plain);
@@ -133,8 +137,8 @@ pub fn reserve(graph: &Graph, kept: Kept, folder: &RunFolder) -> Result<Vec<Cont
     let promised: u64 = others_alive(folder)?
         .iter()
         .map(|(path, id)| {
-            let said = std::fs::read_to_string(path.join(ROOM)).ok().and_then(|text| text.parse().ok());
-            said.unwrap_or(0_u64).saturating_sub(taken(&prefix_of(id)))
+            let message = std::fs::read_to_string(path.join(ROOM)).ok().and_then(|text| text.parse().ok());
+            message.unwrap_or(0_u64).saturating_sub(taken(&prefix_of(id)))
         })
         .sum();
     let mut left = u64::MAX;
@@ -143,9 +147,9 @@ pub fn reserve(graph: &Graph, kept: Kept, folder: &RunFolder) -> Result<Vec<Cont
         let taken = needed.saturating_add(promised);
         left = free.checked_sub(taken).ok_or_else(|| too_small(&plain, needed, promised, free))?;
     }
-    let topics = match kept {
-        Kept::Nothing => plain,
-        Kept::Newest => contracts::all_recorded(graph, left / KEPT_PART),
+    let topics = match retained {
+        Retention::Nothing => plain,
+        Retention::Newest => contracts::all_recorded(graph, left / RETAINED_PART),
     };
     check_file_size(&topics, getrlimit(Resource::Fsize).current)?;
     std::fs::write(folder.path().join(ROOM), bytes_of(&topics).to_string()).map_err(ReserveError::Note)?;
@@ -209,8 +213,11 @@ mod tests {
 
     #[test]
     fn few_files_are_refused_with_what_to_say() {
-        let said = too_few_files(6, Some(60)).unwrap().to_string();
-        assert!(said.contains("78 files open at once, and 60 are allowed: say `ulimit -n 1024`"), "{said}");
+        let message = too_few_files(6, Some(60)).unwrap().to_string();
+        assert!(
+            message.contains("78 files open at once, and 60 are allowed: say `ulimit -n 1024`"),
+            "{message}"
+        );
         for limit in [Some(78), Some(1024), None] {
             assert!(too_few_files(6, limit).is_none());
         }

@@ -198,7 +198,7 @@ impl OperatorRunner {
         let outside = Outside { inbox, arrivals: self.link_receiver.as_ref().map(LinkReceiver::arrivals) };
         self.instance =
             OperatorInstance::build(graph, self.operator, self.instance.incarnation() + 1, files, outside)
-                .map_err(|reason| WorkerError::SetupAgain {
+                .map_err(|reason| WorkerError::SetupOnRestart {
                     operator: graph.operators[self.operator].name.clone(),
                     reason,
                 })?;

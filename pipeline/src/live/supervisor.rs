@@ -23,7 +23,7 @@ use super::control::{Hello, HelloRecorder, ToWorker};
 use super::error::LiveError;
 use super::journal::entry_of;
 use super::report::{Fault, Run, RunOptions, RunReport};
-use super::reservation::{Kept, reserve};
+use super::reservation::{Retention, reserve};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
@@ -59,7 +59,7 @@ pub struct Supervisor {
     finished: Finished,
     /// Highest incarnation seen of each operator.
     incarnations: Vec<u32>,
-    told: Vec<ReportedFault>,
+    reported: Vec<ReportedFault>,
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
@@ -96,8 +96,8 @@ impl Supervisor {
         let launch = if graph.has_bridge() { Some(bridge_launch(&options.launch)?) } else { None };
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
-        let kept = if options.session.is_some() { Kept::Newest } else { Kept::Nothing };
-        let contracts = reserve(&graph, kept, &folder)?;
+        let retained = if options.session.is_some() { Retention::Newest } else { Retention::Nothing };
+        let contracts = reserve(&graph, retained, &folder)?;
         let source = RunSource {
             text: options.source.clone(),
             file: options.file.clone(),
@@ -147,7 +147,7 @@ impl Supervisor {
             dead: Vec::new(),
             journals,
             ledger: Ledger::default(),
-            told: Vec::new(),
+            reported: Vec::new(),
             faults: Vec::new(),
             swept,
             epoch: 0,
@@ -172,7 +172,7 @@ impl Supervisor {
         }
         let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
         let is_stopped = || stop.load(Ordering::Relaxed);
-        wait_until_made(children, &mut self.told, is_stopped)?;
+        wait_until_made(children, &mut self.reported, is_stopped)?;
         let number = self.connect_all();
         self.wait_for_recorder(number, || stop.load(Ordering::Relaxed));
         self.folder.publish(&RunCard {
@@ -191,7 +191,7 @@ impl Supervisor {
         let go = ToWorker::Go { epoch: self.epoch };
         for worker in &mut self.workers {
             if let Some(child) = &mut worker.child {
-                child.tell(&go);
+                child.send_message(&go);
                 (worker.went, worker.greeted) = (true, number);
             }
         }
@@ -263,7 +263,7 @@ impl Supervisor {
                 break;
             }
             self.listen();
-            self.tell_faults(run);
+            self.report_faults(run);
             // A child that cannot be started ends the run, too, and in order.
             if let Some(reason) = self.attend_children(now).unwrap_or_else(|e| Some(e.to_string())) {
                 early = Some(reason);
@@ -285,7 +285,7 @@ impl Supervisor {
     fn listen(&mut self) {
         let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
         for child in children {
-            child.listen(&mut self.told);
+            child.listen(&mut self.reported);
         }
         self.take_counts();
     }
@@ -297,12 +297,12 @@ impl Supervisor {
         }
     }
 
-    fn tell_faults(&mut self, run: &mut dyn Run) {
+    fn report_faults(&mut self, run: &mut dyn Run) {
         for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
             child.news.drain(..).for_each(|news| run.noted(&news));
         }
-        for told in self.told.drain(..) {
-            let fault = Fault { operator: told.operator, reason: told.reason, fatal: told.fatal };
+        for reported in self.reported.drain(..) {
+            let fault = Fault { operator: reported.operator, reason: reported.reason, fatal: reported.fatal };
             run.failed(&fault);
             self.faults.push(fault);
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::control::FromWorker;
-use super::pipe::tell;
+use super::pipe::send_message;
 use crate::graph::Graph;
 use crate::limits::{StartError, start_thread};
 
@@ -44,7 +44,7 @@ impl Watch {
                         ),
                         fatal: true,
                     };
-                    let _ = tell(&fault);
+                    let _ = send_message(&fault);
                     rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)
                         .ok();
                 }

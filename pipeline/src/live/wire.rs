@@ -2,7 +2,7 @@
 
 use stillpoint_samples::Pieces;
 use stillpoint_shm::{Domain, ShmError};
-use stillpoint_transport::{Channel, Datagrams, LinkState, Refusal, Sender, Transport, TransportError};
+use stillpoint_transport::{Channel, Datagrams, LinkRefusal, LinkState, Sender, Transport, TransportError};
 
 use super::contracts;
 use super::error::WorkerError;
@@ -51,7 +51,7 @@ pub struct LinkReceiver {
     arrivals: Arrivals,
     buffer: Vec<u8>,
     /// The refusal that was told last.
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
 }
 
 impl LinkReceiver {
@@ -98,7 +98,7 @@ impl LinkReceiver {
     }
 
     /// Takes what has arrived. Gives the reason for which nothing passes, once per reason.
-    pub fn listen(&mut self) -> Result<Option<Refusal>, LinkError> {
+    pub fn listen(&mut self) -> Result<Option<LinkRefusal>, LinkError> {
         let failed = |reason| LinkError { place: self.place.clone(), reason };
         // What the receiver keeps waiting stays there while the operator has not taken what came before.
         while !(self.receiver.keeps_waiting() && self.arrivals.is_full()) {
@@ -169,8 +169,8 @@ mod tests {
         let sender = Datagrams::to(address).open_sender(&channel).unwrap();
         let mut link_sender = LinkSender { senders: vec![sender], is_failing: false };
         let short = Pieces { meta: &[], payload: &[] };
-        let told = link_sender.send(short).unwrap().to_string();
-        assert!(told.starts_with("a sample did not go over its link"), "{told}");
+        let reported = link_sender.send(short).unwrap().to_string();
+        assert!(reported.starts_with("a sample did not go over its link"), "{reported}");
         assert_eq!(link_sender.send(short), None);
     }
 }

@@ -10,7 +10,7 @@ use super::affinity::place;
 use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
 use super::error::WorkerError;
-use super::pipe::{PipeError, PipeRead, PipeReader, orders, take_control, tell, wait_for};
+use super::pipe::{PipeError, PipeRead, PipeReader, orders, send_message, take_control, wait_for};
 use super::run_folder::hold;
 use super::runner::{Down, OperatorRunner, PollOutcome};
 use super::watch::Watch;
@@ -22,7 +22,7 @@ use crate::limits::{fail_at_the_limit_of_file_sizes, start_thread};
 use crate::operator::Registry;
 
 /// How long a worker that always finds work does not look at its control pipe, ns.
-const HEAR_EVERY: u64 = 5_000_000;
+const RECEIVE_EVERY: u64 = 5_000_000;
 
 /// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
 pub fn worker_main(registry: &Registry) -> ExitCode {
@@ -42,7 +42,12 @@ pub fn worker_main_over(registry: &Registry, transport_of: TransportOf) -> ExitC
             let place = panic.location().map(ToString::to_string).unwrap_or_default();
             let reason =
                 format!("a fault of stillpoint itself at {place}: {}", panic.payload_as_str().unwrap_or(""));
-            let _ = tell(&FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true });
+            let _ = send_message(&FromWorker::Fault {
+                operator: String::new(),
+                incarnation: 0,
+                reason,
+                fatal: true,
+            });
         }
     }));
     match serve(registry, transport_of) {
@@ -50,7 +55,7 @@ pub fn worker_main_over(registry: &Registry, transport_of: TransportOf) -> ExitC
         Err(error) => {
             let reason = error.to_string();
             let fault = FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true };
-            let _ = tell(&fault);
+            let _ = send_message(&fault);
             ExitCode::from(70)
         }
     }
@@ -134,7 +139,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
         stopping: false,
         stopped: false,
     };
-    tell(&FromWorker::Made)?;
+    send_message(&FromWorker::Made)?;
     worker.serve(&mut orders)
 }
 
@@ -156,14 +161,14 @@ struct Worker {
 
 impl Worker {
     fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
-        let mut heard = 0;
-        let mut told = true;
+        let mut received = 0;
+        let mut reported = true;
         loop {
             // A look at the pipe is a call into the system: on the data path it is taken only now and then.
             if self.last_at.is_some_and(|at| self.clock.now() >= at) {
                 return Ok(self.runners.iter_mut().try_for_each(|runner| runner.finish(&self.clock))?);
             }
-            if self.last_at.is_none() && (told || self.clock.now() >= heard + HEAR_EVERY) {
+            if self.last_at.is_none() && (reported || self.clock.now() >= received + RECEIVE_EVERY) {
                 loop {
                     match orders.next()? {
                         PipeRead::Message(ToWorker::Exit) => return Ok(()),
@@ -180,8 +185,8 @@ impl Worker {
                         PipeRead::Nothing => break,
                     }
                 }
-                heard = self.clock.now();
-                told = false;
+                received = self.clock.now();
+                reported = false;
             }
             let active = self.running && !self.stopped;
             let mut next = None;
@@ -201,12 +206,12 @@ impl Worker {
                     runner.finish(&self.clock)?;
                 }
                 self.stopped = true;
-                tell(&FromWorker::Stopped)?;
+                send_message(&FromWorker::Stopped)?;
                 continue;
             }
             let next = [next, self.last_at].into_iter().flatten().min();
             let timeout = next.map(|at| at.saturating_sub(self.clock.now()));
-            told = self.wake.wait(timeout)?;
+            reported = self.wake.wait(timeout)?;
         }
     }
 
@@ -216,7 +221,7 @@ impl Worker {
                 for runner in &self.runners {
                     runner.connect()?;
                 }
-                Ok(tell(&FromWorker::Connected { number: *number })?)
+                Ok(send_message(&FromWorker::Connected { number: *number })?)
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);
@@ -267,10 +272,10 @@ impl Worker {
             match looked? {
                 PollOutcome::Activated(outcome) => {
                     worked = true;
-                    let told = report(runner, outcome, &self.graph);
+                    let reported = report(runner, outcome, &self.graph);
                     // Once the supervisor is dead nobody hears it.
                     if self.last_at.is_none() {
-                        told?;
+                        reported?;
                     }
                 }
                 PollOutcome::Idle(at) => next = [next, at].into_iter().flatten().min(),
@@ -285,7 +290,7 @@ fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Resul
     let operator = || graph.operators[runner.operator].name.clone();
     let incarnation = runner.instance.incarnation();
     if let Some(reason) = runner.unlinked.take() {
-        tell(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
+        send_message(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
     }
     if !outcome.is_failure() {
         return Ok(());
@@ -294,7 +299,7 @@ fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Resul
     let reason = runner.instance.fault().unwrap_or_default().to_string();
     if outcome == Outcome::Panic {
         runner.down = Some(Down::Unanswered);
-        return tell(&FromWorker::Panicked { operator, incarnation, reason });
+        return send_message(&FromWorker::Panicked { operator, incarnation, reason });
     }
-    tell(&FromWorker::Fault { operator, incarnation, reason, fatal: false })
+    send_message(&FromWorker::Fault { operator, incarnation, reason, fatal: false })
 }

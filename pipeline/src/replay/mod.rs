@@ -73,10 +73,10 @@ fn missing(session: &Session, gaps: &[Gap], recomputed: &BTreeMap<String, u64>) 
         let count = listed.entry(lost.topic.clone()).or_default();
         *count = count.saturating_add(lost.count);
     }
-    for (topic, again) in recomputed {
+    for (topic, rerun) in recomputed {
         if session.topic_number(topic).is_some() {
             let known = listed.entry(topic.clone()).or_default();
-            *known = (*known).max(*again);
+            *known = (*known).max(*rerun);
         }
     }
     listed

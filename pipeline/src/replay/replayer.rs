@@ -104,7 +104,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
             return;
         }
         match self.placement.end(operator, entry.header.stamp, &[]) {
-            Ok(again) => self.compare_entries(operator, entry, &again),
+            Ok(rerun) => self.compare_entries(operator, entry, &rerun),
             Err(e) => self.open(operator, entry, e.to_string()),
         }
     }
@@ -238,14 +238,14 @@ impl<'s, 'f> Replayer<'s, 'f> {
     }
 
     /// Compares what two entries say of outcome and outputs.
-    fn compare_entries(&mut self, operator: usize, recorded: &Entry, again: &Entry) {
+    fn compare_entries(&mut self, operator: usize, recorded: &Entry, rerun: &Entry) {
         if !self.compared.contains(&operator) {
             return;
         }
         let name = &self.graph.operators[operator].name;
         let topic = crate::live::contracts::journal_topic(name);
         let place = difference::Place { operator: name, entry: recorded, topic: &topic };
-        if let Some(found) = Difference::of_entries(&place, recorded, again) {
+        if let Some(found) = Difference::of_entries(&place, recorded, rerun) {
             self.differ(found);
         }
     }

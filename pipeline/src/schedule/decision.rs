@@ -92,14 +92,14 @@ mod tests {
             now in EPOCH..3_000, input in trigger(), ticks in ticks()
         ) {
             let input = input.filter(|t| t.since <= now);
-            let is_due = ticks.due() <= now;
+            let is_time = ticks.due() <= now;
             let decision = decide(now, input, Some(&ticks));
             match input {
-                Some(t) if !is_due || t.since <= ticks.due() => {
+                Some(t) if !is_time || t.since <= ticks.due() => {
                     let expected = Decision { cause: t.cause, port: t.port, nominal: now, tick: 0 };
                     prop_assert_eq!(decision, Some(expected));
                 }
-                _ if is_due => prop_assert_eq!(decision.map(|d| d.cause), Some(Cause::Timer)),
+                _ if is_time => prop_assert_eq!(decision.map(|d| d.cause), Some(Cause::Timer)),
                 _ => prop_assert_eq!(decision, None),
             }
         }

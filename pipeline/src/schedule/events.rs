@@ -22,12 +22,12 @@ const DRAIN: u64 = 1_000_000_000;
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum RunError {
     /// An operator failed, and the restart policy of its process has the run end.
-    #[error("operator {operator}: {said}; {reason}")]
+    #[error("operator {operator}: {message}; {reason}")]
     Fault {
         /// Name of the operator.
         operator: String,
         /// What it said last.
-        said: String,
+        message: String,
         /// What the policy says.
         reason: String,
     },
@@ -224,7 +224,7 @@ impl Events {
         observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         if let Some(down) = self.operators[operator].down {
-            return self.begin_again(operator, down, time, placement, observer);
+            return self.begin_restart(operator, down, time, placement, observer);
         }
         let ticks = self.ticks(operator).copied();
         let graph = self.graph.clone();
@@ -276,12 +276,12 @@ impl Events {
     }
 
     /// When what failed at `time` begins again, or why the run ends.
-    fn answer(&mut self, operator: usize, time: u64, said: &str) -> Result<u64, RunError> {
+    fn answer(&mut self, operator: usize, time: u64, message: &str) -> Result<u64, RunError> {
         let node = &self.graph.operators[operator];
         match self.restarts[node.process].failed(time) {
-            Answer::Again { at } => Ok(at),
+            Answer::RestartAt { at } => Ok(at),
             Answer::GiveUp(reason) => {
-                Err(RunError::Fault { operator: node.name.clone(), said: said.to_string(), reason })
+                Err(RunError::Fault { operator: node.name.clone(), message: message.to_string(), reason })
             }
         }
     }
@@ -290,17 +290,17 @@ impl Events {
     fn die(&mut self, operator: usize, time: u64, observer: &mut dyn Observer) -> Result<(), RunError> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
-        let said = format!(
+        let message = format!(
             "a step takes {} us, longer than its deadline of {} us",
             node.latency / 1000,
             node.deadline.unwrap_or(0) / 1000
         );
-        observer.failed(operator, &said);
+        observer.failed(operator, &message);
         let members = &graph.processes[node.process].operators;
         for member in members {
             self.operators[*member].down = Some(Down::Dead(u64::MAX));
         }
-        let at = self.answer(operator, time, &said)?;
+        let at = self.answer(operator, time, &message)?;
         for member in members {
             self.operators[*member].down = Some(Down::Dead(at));
         }
@@ -308,7 +308,7 @@ impl Events {
     }
 
     /// A new incarnation begins.
-    fn begin_again(
+    fn begin_restart(
         &mut self,
         operator: usize,
         down: Down,

@@ -10,31 +10,31 @@ use crate::operator::Policy;
 pub struct Waiting {
     depth: usize,
     /// Sent, not arrived: (time of arrival, header).
-    under_way: VecDeque<(u64, Header)>,
+    in_transit: VecDeque<(u64, Header)>,
     arrived: VecDeque<Header>,
 }
 
 impl Waiting {
     /// None yet, for an input of this policy.
     pub fn of(policy: Policy) -> Self {
-        Self { depth: depth_of(policy), under_way: VecDeque::new(), arrived: VecDeque::new() }
+        Self { depth: depth_of(policy), in_transit: VecDeque::new(), arrived: VecDeque::new() }
     }
 
     /// A sample is sent, and arrives at this time, ns.
     pub fn send(&mut self, arrival: u64, header: Header) {
-        self.under_way.push_back((arrival, header));
+        self.in_transit.push_back((arrival, header));
     }
 
     /// When the next sample arrives.
     pub fn next_arrival(&self) -> Option<u64> {
-        self.under_way.front().map(|(arrival, _)| *arrival)
+        self.in_transit.front().map(|(arrival, _)| *arrival)
     }
 
     /// Moves what has arrived by `time` into the bounded queue; the oldest goes where it is full. Says whether anything
     /// came.
     pub fn arrive(&mut self, time: u64) -> bool {
         let mut any = false;
-        while let Some((_, header)) = self.under_way.pop_front_if(|(arrival, _)| *arrival <= time) {
+        while let Some((_, header)) = self.in_transit.pop_front_if(|(arrival, _)| *arrival <= time) {
             if self.arrived.len() >= self.depth {
                 self.arrived.pop_front();
             }
@@ -52,7 +52,7 @@ impl Waiting {
     /// Takes away what was sent before a time.
     pub fn forget_before(&mut self, time: u64) {
         self.arrived.clear();
-        self.under_way.retain(|(arrival, _)| *arrival >= time);
+        self.in_transit.retain(|(arrival, _)| *arrival >= time);
     }
 }
 

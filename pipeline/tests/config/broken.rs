@@ -34,12 +34,12 @@ fn broken_files_are_refused_with_line_reason_and_suggestion() {
     assert!(files.len() >= 60, "{} files", files.len());
     let mut differences = Vec::new();
     for path in &files {
-        let said = faults_of(path).map_or("nothing: it was accepted\n".to_owned(), |f| f.to_string());
+        let message = faults_of(path).map_or("nothing: it was accepted\n".to_owned(), |f| f.to_string());
         let pinned = path.with_extension("txt");
         if bless {
-            fs::write(&pinned, &said).unwrap();
-        } else if fs::read_to_string(&pinned).ok().as_ref() != Some(&said) {
-            differences.push(format!("{}:\n{said}", path.display()));
+            fs::write(&pinned, &message).unwrap();
+        } else if fs::read_to_string(&pinned).ok().as_ref() != Some(&message) {
+            differences.push(format!("{}:\n{message}", path.display()));
         }
     }
     assert!(differences.is_empty(), "{} differ:\n{}", differences.len(), differences.join("\n"));

@@ -13,20 +13,20 @@ use crate::kinds::registry;
 /// `models/face.onnx`, the folder `captures` with three files, and `empty` with none.
 pub struct Disk;
 
-fn kept() -> MemoryFiles {
+fn retained() -> MemoryFiles {
     let names = ["models/face.onnx", "captures/000.png", "captures/001.png", "captures/notes.txt"];
     MemoryFiles { files: names.map(|name| (name.to_owned(), Vec::new())).into() }
 }
 
 impl Files for Disk {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        kept().read(name).map_err(|_| "it is not there".into())
+        retained().read(name).map_err(|_| "it is not there".into())
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
         match name {
             "empty" | "empty/*.png" => Ok(Vec::new()),
-            _ => kept().list(name).map_err(|_| "it is not there".into()),
+            _ => retained().list(name).map_err(|_| "it is not there".into()),
         }
     }
 }
@@ -38,12 +38,12 @@ fn a_name_that_is_no_text_is_a_fault_where_it_is_meant_and_nowhere_else() {
     std::fs::create_dir(&images).unwrap();
     std::fs::write(images.join("000.png"), "").unwrap();
     let text = FILES.iter().find(|(name, _)| *name == "images.yaml").unwrap().1;
-    let disk = DiskFiles::beside(&folder.path().join("images.yaml"));
+    let disk = DiskFiles::next_to(&folder.path().join("images.yaml"));
     for (name, is_meant) in [(b"notes\xff.txt", false), (b"other\xff.png", true)] {
         std::fs::write(images.join(OsStr::from_bytes(name)), "").unwrap();
         let checked = check(text, "images.yaml", &[], &registry(), &disk);
         assert_eq!(checked.is_err(), is_meant);
-        let said = checked.err().map_or_else(String::new, |faults| faults.to_string());
-        assert_eq!(said.contains("is not UTF-8"), is_meant, "{said}");
+        let message = checked.err().map_or_else(String::new, |faults| faults.to_string());
+        assert_eq!(message.contains("is not UTF-8"), is_meant, "{message}");
     }
 }

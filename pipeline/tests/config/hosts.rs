@@ -67,8 +67,8 @@ fn a_part_asks_its_machine_only_for_what_it_needs_itself() {
 
 #[test]
 fn a_host_that_nothing_runs_on_is_refused_with_the_nearest_name() {
-    let said = part("rigg").err().unwrap().to_string();
-    assert!(said.contains("host=rigg") && said.contains("did you mean `rig`?"), "{said}");
+    let message = part("rigg").err().unwrap().to_string();
+    assert!(message.contains("host=rigg") && message.contains("did you mean `rig`?"), "{message}");
 }
 
 const HOSTS: &str = include_str!("../good/hosts.yaml");

@@ -15,15 +15,15 @@
 //! - `cloud`: `PointCloud` as `sensor_msgs/msg/PointCloud2`
 //! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
 //! - `depth`: `DepthImage` as `sensor_msgs/msg/Image` as REP 118 has it: whole millimetres, or metres
-//! - `beside`: what viewers want beside a message: `CameraInfo`, `PoseStamped`, `/tf`
+//! - `companion`: what viewers want beside a message: `CameraInfo`, `PoseStamped`, `/tf`
 //! - `grey`: `GreyImage` as `sensor_msgs/msg/Image`
 //! - `image`: the message of both
 //! - `ros`: the messages as which a sample can be sent
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
-mod beside;
 mod cloud;
+mod companion;
 mod decoded;
 mod depth;
 mod grey;
@@ -38,7 +38,7 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::{Header, Pieces, SampleKind};
 
-pub(crate) use beside::Beside;
+pub(crate) use companion::Companion;
 pub(crate) use decoded::Decoded;
 pub use ros::{RosMessage, static_frames};
 pub use transforms::StaticTransform;

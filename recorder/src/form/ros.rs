@@ -2,7 +2,7 @@
 
 use stillpoint_samples::{DepthImage, GreyImage, Pieces, PointCloud, Pose, Sample, SampleKind};
 
-use super::{Beside, Form, StaticTransform, schema, transforms_message};
+use super::{Companion, Form, StaticTransform, schema, transforms_message};
 
 /// A message of ROS 2 that says a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -88,9 +88,9 @@ impl RosMessage {
             Self::PointCloud2 | Self::Image | Self::PoseWithCovarianceStamped => {
                 form.encode(sample, frame, out);
             }
-            Self::CameraInfo => Beside::CameraInfo.encode(sample, child, frame, out),
-            Self::PoseStamped => Beside::PoseStamped.encode(sample, child, frame, out),
-            Self::TfMessage => Beside::Transform.encode(sample, child, frame, out),
+            Self::CameraInfo => Companion::CameraInfo.encode(sample, child, frame, out),
+            Self::PoseStamped => Companion::PoseStamped.encode(sample, child, frame, out),
+            Self::TfMessage => Companion::Transform.encode(sample, child, frame, out),
         }
         true
     }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 /// A folder of the reference data: of `$STILLPOINT_DATA`, else of `../shared/data` beside the workspace. `None` with a
 /// message where it is not there.
 pub fn folder(name: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join(name);
+    let reference_folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("STILLPOINT_DATA").map_or(reference_folder, PathBuf::from).join(name);
     if folder.is_dir() {
         return Some(folder);
     }

@@ -61,8 +61,8 @@ impl Observer for Run {
             self.failed.push(node.name.clone());
         }
         let sent = outputs.iter().map(|(port, p)| (&node.outputs[*port].topic, p));
-        let kept = sent.filter(|(topic, _)| (self.keep)(topic));
-        self.sent.extend(kept.map(|(topic, p)| (topic.clone(), p.clone())));
+        let retained = sent.filter(|(topic, _)| (self.keep)(topic));
+        self.sent.extend(retained.map(|(topic, p)| (topic.clone(), p.clone())));
         Ok(())
     }
 }

@@ -78,7 +78,7 @@ impl Chain<'_> {
         // The start barrier: all processes make their ports, then all connect them, then all begin.
         for step in ["made", "connected"] {
             for process in &mut processes {
-                process.hear(step)?;
+                process.expect_line(step)?;
             }
             for process in &mut processes {
                 process.go_on()?;
@@ -111,7 +111,7 @@ impl Process {
         Ok(Self { child, lines })
     }
 
-    fn hear(&mut self, due: &str) -> Result<(), Failure> {
+    fn expect_line(&mut self, due: &str) -> Result<(), Failure> {
         let mut line = String::new();
         self.lines.read_line(&mut line).map_err(Failure::failed)?;
         if line.trim() == due {
@@ -130,9 +130,9 @@ impl Process {
         let mut line = String::new();
         self.lines.read_line(&mut line).map_err(Failure::failed)?;
         self.child.wait().map_err(Failure::failed)?;
-        let told: Vec<u64> = serde_json::from_str(&line).map_err(Failure::failed)?;
+        let reported: Vec<u64> = serde_json::from_str(&line).map_err(Failure::failed)?;
         let mut ages = Ages::default();
-        ages.take(told);
+        ages.take(reported);
         Ok(ages)
     }
 }

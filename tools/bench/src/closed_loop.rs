@@ -77,14 +77,19 @@ impl ClosedLoop {
 
 /// Times of one image on its way to a datagram, ns of session time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Way {
+struct Response {
     acquired: u64,
     filtered: u64,
     decided: u64,
     sent: u64,
 }
 
-fn window(place: &Path, recorded: bool, length: Duration, registry: &Registry) -> Result<Vec<Way>, Failure> {
+fn window(
+    place: &Path,
+    recorded: bool,
+    length: Duration,
+    registry: &Registry,
+) -> Result<Vec<Response>, Failure> {
     program::write(place, |text| text)?;
     let keep: &[&str] = if recorded { &["--record", "s"] } else { &["--no-record"] };
     let mut run = Program::start(place, keep)?;
@@ -132,7 +137,7 @@ fn read(attached: &Attached, length: Duration) -> Result<[Vec<Entry>; 3], Failur
 
 /// Times of the images from the journals of the filter, the controller and the valves. `to_law` and `to_valves` are the
 /// numbers of the inputs that the previous operator feeds. An image without a datagram is left out.
-fn ways([filter, law, valves]: &[Vec<Entry>; 3], [to_law, to_valves]: [u32; 2]) -> Vec<Way> {
+fn ways([filter, law, valves]: &[Vec<Entry>; 3], [to_law, to_valves]: [u32; 2]) -> Vec<Response> {
     let mut ways = Vec::new();
     for measured in filter {
         let Some(state) = output(measured) else { continue };
@@ -140,7 +145,7 @@ fn ways([filter, law, valves]: &[Vec<Entry>; 3], [to_law, to_valves]: [u32; 2]) 
         let Some(duties) = output(decided) else { continue };
         let Some((place, _)) = first_that_takes(valves, to_valves, duties) else { continue };
         let Some(next) = valves.get(place + 1).filter(|e| e.body.sent_before > 0) else { continue };
-        ways.push(Way {
+        ways.push(Response {
             acquired: measured.header.origin,
             filtered: measured.header.stamp,
             decided: decided.header.stamp,
@@ -167,8 +172,8 @@ fn first_that_takes<'e>(entries: &'e [Entry], port: u32, sample: &JournalRef) ->
     })
 }
 
-fn row(recorded: bool, ways: &[Way]) -> Row {
-    let of = |time: fn(&Way) -> u64| Quantiles::of(&ways.iter().map(time).collect::<Vec<_>>());
+fn row(recorded: bool, ways: &[Response]) -> Row {
+    let of = |time: fn(&Response) -> u64| Quantiles::of(&ways.iter().map(time).collect::<Vec<_>>());
     Row {
         recorded,
         seen: of(|w| w.filtered.saturating_sub(w.acquired)),
@@ -235,7 +240,7 @@ mod tests {
             entry(0, 145, 136, vec![reference(fresh, 1, 51), reference(sent, 0, 71)]),
             entry(0, 155, 147, vec![reference(fresh, 1, 52), reference(sent, 0, 72)]),
         ];
-        let way = Way { acquired: 100, filtered: 130, decided: 140, sent: 147 };
-        assert_eq!(ways(&[filter, law, valves], [2, 1]), [way]);
+        let response = Response { acquired: 100, filtered: 130, decided: 140, sent: 147 };
+        assert_eq!(ways(&[filter, law, valves], [2, 1]), [response]);
     }
 }

@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
-use super::casualty::{Due, Fault, Trial};
 use super::evidence::Vent;
+use super::fault_trial::{Due, Fault, Trial};
 use super::figures::median;
 use super::folder::Folder;
 use stillpoint::jobs;

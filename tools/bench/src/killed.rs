@@ -70,7 +70,8 @@ struct Outcome {
     kills: usize,
     /// Number of kills that lost at most the last second, left no gap before it, and left a part that the MCAP library
     /// opens.
-    kept: usize,
+    #[serde(rename = "kept")]
+    retained: usize,
     whole: usize,
     opens: usize,
     median_lost_ms: f64,
@@ -88,7 +89,7 @@ impl Killed {
         let lost: Vec<f64> = all.iter().map(|l| l.lost_ms).collect();
         let outcome = Outcome {
             kills: all.len(),
-            kept: all.iter().filter(|l| l.lost_ms <= LIMIT_MS && l.whole && l.opens).count(),
+            retained: all.iter().filter(|l| l.lost_ms <= LIMIT_MS && l.whole && l.opens).count(),
             whole: all.iter().filter(|l| l.whole).count(),
             opens: all.iter().filter(|l| l.opens).count(),
             median_lost_ms: median(&lost),
@@ -100,7 +101,7 @@ impl Killed {
             outln!(
                 "{} of {} kills took at most the last second: {:.0} ms in the median, {:.0} ms at most; \
                  {} whole before that, {} open in the format's own reader",
-                outcome.kept,
+                outcome.retained,
                 outcome.kills,
                 outcome.median_lost_ms,
                 outcome.most_lost_ms,
@@ -108,7 +109,7 @@ impl Killed {
                 outcome.opens
             );
         }
-        Ok(if outcome.kept == outcome.kills { Exit::Done } else { Exit::Failed })
+        Ok(if outcome.retained == outcome.kills { Exit::Done } else { Exit::Failed })
     }
 }
 
@@ -153,14 +154,14 @@ fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left
     recover_session(session).map_err(Failure::failed)?;
     let parts = session_parts(session).map_err(Failure::failed)?;
     let first = parts.first().ok_or_else(|| Failure::failed("the session has no part"))?;
-    let kept = Session::open(first).map_err(Failure::failed)?;
+    let retained = Session::open(first).map_err(Failure::failed)?;
     let mut left = Left { lost_ms: 0.0, whole: true, opens: opens(first)? };
-    for entries in kept.journals().values() {
+    for entries in retained.journals().values() {
         let last = entries.last().map_or(0, |e| e.header.stamp);
         left.lost_ms = left.lost_ms.max(struck.saturating_sub(last) as f64 / 1e6);
     }
-    for topic in 0..kept.topics().len() {
-        left.whole &= kept.numbers(topic).zip(0..).all(|((_, sequence), due)| sequence == due);
+    for topic in 0..retained.topics().len() {
+        left.whole &= retained.numbers(topic).zip(0..).all(|((_, sequence), due)| sequence == due);
     }
     Ok(left)
 }

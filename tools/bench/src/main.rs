@@ -6,10 +6,10 @@
 //! - `killed`: the part of a session that survives the kill of its recorder
 //! - `ledger`: the account of every sample
 //! - `replay`: bit-for-bit replay, and its speed
-//! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
+//! - `failsafe`, `fault_trial`, `evidence`: the time to the safe state after a fault
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
 //! - `program`: the default pipeline as a separate program
-//! - `stages`, `clouds`, `poison`: the bench's own kinds of operators
+//! - `stages`, `clouds`, `nan_injection`: the bench's own kinds of operators
 //! - `window`: one live run of a pipeline
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `processes`: the processes of a run, and random choices of one to kill
@@ -22,18 +22,18 @@
 extern crate stillpoint;
 
 mod bare;
-mod casualty;
 mod closed_loop;
 mod clouds;
 mod cores;
 mod evidence;
 mod failsafe;
+mod fault_trial;
 mod figures;
 mod folder;
 mod hop;
 mod killed;
 mod ledger;
-mod poison;
+mod nan_injection;
 mod processes;
 mod program;
 mod record;
@@ -104,7 +104,7 @@ fn main() -> ExitCode {
 
 /// Kinds of operators of this program: those of `stillpoint`, and its own.
 fn registry() -> Registry {
-    stillpoint::registry(&[stages::STAGES, clouds::STAGES, &[poison::STAGE]])
+    stillpoint::registry(&[stages::STAGES, clouds::STAGES, &[nan_injection::STAGE]])
 }
 
 /// Parser of whole numbers from `least` on.

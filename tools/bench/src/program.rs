@@ -26,7 +26,7 @@ const HERE: &str = "127.0.0.1";
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";
 /// Name of the file with the standard error of the run.
-const SAID: &str = "said.txt";
+const OUTPUT: &str = "said.txt";
 /// Name of the supervisor's process.
 pub const SUPERVISOR: &str = "supervisor";
 /// Maximum time until the far end has the state that is waited for.
@@ -81,7 +81,7 @@ impl Program {
             .current_dir(folder)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(File::create(folder.join(SAID)).map_err(Failure::failed)?)
+            .stderr(File::create(folder.join(OUTPUT)).map_err(Failure::failed)?)
             .spawn()
             .map_err(Failure::failed)?;
         Ok(Self { child, folder: folder.to_owned(), processes: Vec::new() })
@@ -136,9 +136,9 @@ impl Program {
                 return Ok(());
             }
             if let Some(status) = self.child.try_wait().map_err(Failure::failed)? {
-                let said = std::fs::read_to_string(self.folder.join(SAID)).unwrap_or_default();
+                let message = std::fs::read_to_string(self.folder.join(OUTPUT)).unwrap_or_default();
                 return Err(Failure::failed(format!(
-                    "a run ended before it followed orders: {status}: {said}"
+                    "a run ended before it followed orders: {status}: {message}"
                 )));
             }
             if begun.elapsed() > PATIENCE {

@@ -124,7 +124,7 @@ impl Replay {
         let (mut identical, mut samples, mut first, mut length) = (0, 0, None, 0.0);
         let begun = Instant::now();
         for _ in 0..replays {
-            let report = again(&path, registry, None)?;
+            let report = replay_once(&path, registry, None)?;
             identical += usize::from(report.is_identical() && report.recomputed.is_empty());
             (samples, length) = (report.compared(), report.seconds);
             first = first.or(report.first_difference.map(|d| d.to_string()));
@@ -196,7 +196,7 @@ fn record(
 }
 
 /// Replays a session, and writes the output into a folder if one is given.
-fn again(
+fn replay_once(
     path: &Path,
     registry: &Registry,
     output: Option<(&Path, Compression)>,
@@ -248,7 +248,7 @@ fn written(
     for _ in 0..RUNS {
         let into = folder.free("again")?;
         let (begun, cpu) = (Instant::now(), cpu_time());
-        let report = again(path, registry, Some((&into, output)))?;
+        let report = replay_once(path, registry, Some((&into, output)))?;
         speeds.push(report.seconds / begun.elapsed().as_secs_f64());
         cpu_speeds.push(report.seconds / ((cpu_time() - cpu) as f64 / 1e9));
         identical &= report.is_identical();

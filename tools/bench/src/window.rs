@@ -58,7 +58,7 @@ impl Window<'_> {
     /// Runs the pipeline until `stop` is set or its length is over, and notifies `run` of the progress.
     pub fn run_watched(&self, stop: &AtomicBool, run: &mut dyn Run) -> Result<Outcome, Failure> {
         let file = "bench.yaml".to_string();
-        let files = stillpoint_operator::files::DiskFiles::beside(Path::new(&file));
+        let files = stillpoint_operator::files::DiskFiles::next_to(Path::new(&file));
         let graph =
             config::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
         if let Some((session, _)) = self.session {
@@ -110,8 +110,8 @@ impl Window<'_> {
             for (name, says, subscriber, _) in &open {
                 while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
                     if *says && let Ok(view) = sample.pieces().view::<Load>() {
-                        let told: &mut Ages = ages.entry((*name).to_string()).or_default();
-                        told.take(view.elements.iter().map(|w| w.word));
+                        let reported: &mut Ages = ages.entry((*name).to_string()).or_default();
+                        reported.take(view.elements.iter().map(|w| w.word));
                     }
                 }
             }

@@ -44,8 +44,8 @@ fn wait_until(bench: &Bench, what: &str, doing: u64, beam: u64) {
         }
         if beam == 1 {
             // On a busy machine the script's arm may have come too early, and a loop that stood still waits for a person.
-            for said in ["console.resume", "console.arm"] {
-                bench.call(&["send", "--run", "head-3dof-apart", said]);
+            for message in ["console.resume", "console.arm"] {
+                bench.call(&["send", "--run", "head-3dof-apart", message]);
             }
         }
         None

@@ -93,14 +93,14 @@ fn samples_of_several_types_go_there_and_back_and_both_sessions_replay_without_a
     assert!(metric("clock_uncertainty_s") < 1.0);
     // The two sessions become one, in which nothing arrives before it was sent, beyond what the clocks leave open.
     let joined = bench.path("joined").to_str().unwrap().to_owned();
-    let said = bench
+    let message = bench
         .call(&["merge", session, cluster["session"].as_str().unwrap(), "--out", &joined, "--json"])
         .good();
     let (offset, uncertainty) = (
-        said["hosts"][1]["offset_ns"].as_i64().unwrap(),
-        said["hosts"][1]["uncertainty_ns"].as_i64().unwrap(),
+        message["hosts"][1]["offset_ns"].as_i64().unwrap(),
+        message["hosts"][1]["uncertainty_ns"].as_i64().unwrap(),
     );
-    assert!(offset.abs() <= uncertainty && uncertainty < 1_000_000_000, "{said}");
+    assert!(offset.abs() <= uncertainty && uncertainty < 1_000_000_000, "{message}");
     let sent = bench.samples(&joined, "cluster.far.counts");
     let arrived = bench.samples(&joined, "bedside.far_counts_bedside.sample");
     let stamp = |sample: &Value| sample["stamp"].as_i64().unwrap();

@@ -49,12 +49,12 @@ impl<F: Fn() -> Ends> Courier for Killing<F> {
             return Ok(arrival);
         }
         // With a call in its hands, and with an answer given, by turns.
-        let is_due = match Message::from_bytes(bytes).unwrap() {
+        let is_time = match Message::from_bytes(bytes).unwrap() {
             Message::Working { .. } => !self.left.is_multiple_of(2),
             Message::Answer { .. } | Message::Done { .. } => self.left.is_multiple_of(2),
             _ => false,
         };
-        if from == KILLED && is_due {
+        if from == KILLED && is_time {
             self.left -= 1;
             self.worker = None;
             self.worker = Some((self.start)());

@@ -77,7 +77,7 @@ fn solves() -> Problem {
     let cache = DoseCache::in_folder(folder.path()).unwrap();
     let doses = RingDoses::load(&cache, &[engine], ring(), &[0], NonZeroUsize::MIN, || ()).unwrap();
     let rows = doses.beam(0).rows();
-    let wanted = StructureObjectives {
+    let requested = StructureObjectives {
         name: "target".into(),
         voxels: (0..POINTS).map(|i| (rows / 2 - POINTS / 2 + i) as u32).collect(),
         volumes: Vec::new(),
@@ -87,7 +87,7 @@ fn solves() -> Problem {
             Objective::Overdose(Overdose { dose: 63.0, weight: 100.0 }),
         ],
     };
-    let goals = Goals::new(vec![wanted], rows).unwrap();
+    let goals = Goals::new(vec![requested], rows).unwrap();
     let goals_bytes = goals::to_bytes(&goals);
     let dose = doses.files(0).next().unwrap().bytes().to_vec();
     let (goals_hash, dose_hash) = (Hash::of(&goals_bytes), Hash::of(&dose));
@@ -115,7 +115,7 @@ fn doses() -> Problem {
     Problem { calls, contents: BTreeMap::from([(name, bytes)]), compute: Box::new(compute) }
 }
 
-fn told(what: &str, times: &mut [f64]) {
+fn reported(what: &str, times: &mut [f64]) {
     times.sort_by(f64::total_cmp);
     let at = |share: usize| times[times.len() * share / 100] * 1e3;
     eprintln!("{what}: p50 {:.2} ms, p90 {:.2} ms, least {:.2} ms", at(50), at(90), at(0));
@@ -175,9 +175,9 @@ fn overhead_of_a_call_of_the_pool() {
         }
         let mut over: Vec<f64> = fresh.iter().zip(&alone).map(|(there, here)| there - here).collect();
         eprintln!("{name}, answers of {answer} bytes, {} calls one after the other", over.len());
-        told("  computed here", &mut alone);
-        told("  by the worker, more than that", &mut over);
+        reported("  computed here", &mut alone);
+        reported("  by the worker, more than that", &mut over);
         // The worker has these answers: nothing is computed.
-        told("  answers that the worker has", &mut asked(&endpoint, &problem));
+        reported("  answers that the worker has", &mut asked(&endpoint, &problem));
     }
 }

@@ -92,8 +92,8 @@ fn updates_over_a_pool_are_those_without_one_though_a_worker_and_the_router_are_
     assert_eq!(found.iter().filter(|update| update["ended"] == 1).count(), 1, "one result");
     assert_eq!(pooled["balanced"], true, "{}", pooled["ledger"]);
     let session = pooled["session"].as_str().unwrap();
-    let told = bench.samples(session, "plans.diagnostics");
-    assert!(told.last().unwrap().to_string().contains("calls_by_workers"), "{told:?}");
+    let reported = bench.samples(session, "plans.diagnostics");
+    assert!(reported.last().unwrap().to_string().contains("calls_by_workers"), "{reported:?}");
     assert!(!bench.samples(session, "pool.messages").is_empty());
     let replay = bench.call(&["replay", session, "--json"]).good();
     assert_eq!((&replay["identical_all"], &replay["differences"]), (&true.into(), &0.into()), "{replay}");

@@ -94,8 +94,8 @@ impl Peer {
 
     fn put(&mut self, key: String, message: Vec<u8>) {
         self.sequence += 1;
-        let beside = Attachment { sequence: self.sequence, time: now(), gid: [9; 16] }.to_bytes();
-        self.session.put(key, message).attachment(&beside[..]).wait().unwrap();
+        let neighbour = Attachment { sequence: self.sequence, time: now(), gid: [9; 16] }.to_bytes();
+        self.session.put(key, message).attachment(&neighbour[..]).wait().unwrap();
     }
 
     /// Sends the camera and the next image, with the stamp of now.
@@ -109,10 +109,10 @@ impl Peer {
 
     fn takes(&self, topic: &str, schema: schema::Schema) -> (Came, Subscriber<()>) {
         let came = Came::default();
-        let kept = came.clone();
+        let retained = came.clone();
         let subscriber = self.session.declare_subscriber(key_of(topic, schema)).callback(move |sample| {
             let attachment = sample.attachment().map(|a| a.to_bytes().into_owned()).unwrap_or_default();
-            kept.lock().unwrap().push((sample.payload().to_bytes().into_owned(), attachment));
+            retained.lock().unwrap().push((sample.payload().to_bytes().into_owned(), attachment));
         });
         (came, subscriber.wait().unwrap())
     }
@@ -182,7 +182,7 @@ fn depth_images_of_ros2_become_poses_that_ros2_gets_and_the_session_replays_with
     // Messages that are none: with a broken attachment, cut, of another type, too long, from the future.
     let image = peer.images[0].clone();
     let of_images = key_of(IMAGES, schema::IMAGE);
-    let told = bench.start(&["echo", "--json", "--run", "ros2-camera", "camera.diagnostics"]);
+    let reported = bench.start(&["echo", "--json", "--run", "ros2-camera", "camera.diagnostics"]);
     for reason in REASONS {
         wait_for(reason, || {
             let (message, _) = stamped(&image);
@@ -201,14 +201,14 @@ fn depth_images_of_ros2_become_poses_that_ros2_gets_and_the_session_replays_with
                 }
             }
             std::thread::sleep(Duration::from_millis(60));
-            let lines = told.printed();
+            let lines = reported.printed();
             let (whole, _) = lines.rsplit_once('\n')?;
             let last: Value = serde_json::from_str(whole.lines().last()?).unwrap();
             (metric(&last, &format!("refused_{reason}")) > 0).then_some(())
         });
     }
     run.wait_for_words("messages on /camera/depth/image_raw are sensor_msgs/msg/PointCloud2");
-    told.stop();
+    reported.stop();
 
     // A bridge that dies is started again.
     run.kill_child("bridge");
@@ -252,14 +252,14 @@ fn depth_images_of_ros2_become_poses_that_ros2_gets_and_the_session_replays_with
     assert!(!faces.lock().unwrap().is_empty());
 
     // Every message is in one count.
-    let told = bench.samples(session, "camera.diagnostics");
-    let last = told.last().unwrap();
+    let reported = bench.samples(session, "camera.diagnostics");
+    let last = reported.last().unwrap();
     let metrics = last["elements"].as_array().unwrap();
     let all: u64 = metrics.iter().map(|m| metric(last, m["name"].as_str().unwrap())).sum();
     let in_counts = all - metric(last, "lost") - metric(last, "senders");
     assert!(REASONS.iter().all(|reason| metric(last, &format!("refused_{reason}")) > 0), "{last}");
     let taken = line(&report, &format!("ros2:{IMAGES}"), "camera");
-    assert_eq!((count(taken, "received"), told.len() as u64), (in_counts, in_counts), "{taken}");
+    assert_eq!((count(taken, "received"), reported.len() as u64), (in_counts, in_counts), "{taken}");
     let given = line(&report, "head.pose", "ros2:/stillpoint/head_pose");
     assert!(count(given, "received") >= poses.len() as u64, "{given}");
 

@@ -11,7 +11,7 @@ use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::sampling::Sampling;
 use stillpoint_pool::pipe::ChildCourier;
-use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses, PoolGround, PoolSolver, answer};
+use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses, PoolSetup, PoolSolver, answer};
 
 use crate::bench::{two_ports, wait_for};
 use crate::pool::{Ends, program};
@@ -22,13 +22,13 @@ const BIXEL_MM: f64 = 15.0;
 const GRID_MM: f64 = 5.0;
 const SOLVES: usize = 96;
 
-struct Ground {
+struct Setup {
     engine: DoseEngine,
     goals: Goals,
     ring: Ring,
 }
 
-impl Ground {
+impl Setup {
     fn new() -> Self {
         let case = neck(0).unwrap();
         let sampling = Sampling::new(&case, GRID_MM, BIXEL_MM).unwrap();
@@ -58,8 +58,8 @@ impl Ground {
         PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
         let doses = load();
         let dosed = begun.elapsed().as_secs_f64();
-        let ground = PoolGround::new(&doses, &self.goals, self.ring.count());
-        let mut solver = PoolSolver::new(pool, &ground);
+        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count());
+        let mut solver = PoolSolver::new(pool, &setup);
         let plan = self.search(&doses, Some(&mut solver));
         assert_eq!(solver.broken(), None);
         ([dosed, begun.elapsed().as_secs_f64() - dosed], plan)
@@ -78,7 +78,7 @@ impl Ground {
 }
 
 /// A plan with so many workers, whose caches are empty.
-fn with(workers: usize, ground: &Ground) -> ([f64; 2], Vec<u8>) {
+fn with(workers: usize, setup: &Setup) -> ([f64; 2], Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let endpoint = format!("tcp/127.0.0.1:{}", two_ports());
     let start = |number: usize| {
@@ -97,20 +97,20 @@ fn with(workers: usize, ground: &Ground) -> ([f64; 2], Vec<u8>) {
     wait_for("all workers", || {
         round += 1;
         let angles: Vec<f64> = (0..4).map(|i| f64::from(round) * 0.01 + f64::from(i) * 0.001).collect();
-        let engines = std::slice::from_ref(&ground.engine);
+        let engines = std::slice::from_ref(&setup.engine);
         PoolDoses::default().fill(&mut pool, &spare, engines, &angles, || ()).unwrap();
         (pool.workers().values().filter(|worker| worker.answered > 0).count() == workers).then_some(())
     });
-    ground.plan(Some(&mut pool))
+    setup.plan(Some(&mut pool))
 }
 
 #[test]
 #[ignore = "a measurement of four minutes: .ci/soak runs it"]
 fn time_of_a_plan_with_no_worker_one_and_two() {
-    let ground = Ground::new();
+    let setup = Setup::new();
     let mut expected = None;
     for workers in 0..=2 {
-        let ([doses, search], plan) = if workers == 0 { ground.plan(None) } else { with(workers, &ground) };
+        let ([doses, search], plan) = if workers == 0 { setup.plan(None) } else { with(workers, &setup) };
         eprintln!("{workers} workers: doses {doses:.2} s, search {search:.2} s, all {:.2} s", doses + search);
         assert!(*expected.get_or_insert_with(|| plan.clone()) == plan, "the plan depends on the workers");
     }

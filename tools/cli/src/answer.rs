@@ -105,8 +105,8 @@ impl Listener {
     /// The answer of the operator to the target that was sent since.
     pub fn answer(&self) -> Result<Answer, Failure> {
         let Some(before) = self.asked else { return Ok(Answer::Silence) };
-        let told = self.wait(|target| target.asked != before)?;
-        Ok(told.as_ref().map_or(Answer::Silence, answer))
+        let reported = self.wait(|target| target.asked != before)?;
+        Ok(reported.as_ref().map_or(Answer::Silence, answer))
     }
 
     /// The next target for which `is_so` holds.

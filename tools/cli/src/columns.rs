@@ -40,9 +40,9 @@ impl Columns {
         let zeros: Vec<bool> = (0..self.head.len()).map(is_zero).collect();
         let folded = self.head.iter().zip(&zeros).filter(|(_, zero)| **zero);
         let folded = folded.map(|((_, name), _)| name.clone()).collect();
-        let kept = |at: usize| !zeros[at];
-        self.head = keep(std::mem::take(&mut self.head), kept);
-        self.rows = std::mem::take(&mut self.rows).into_iter().map(|row| keep(row, kept)).collect();
+        let retained = |at: usize| !zeros[at];
+        self.head = keep(std::mem::take(&mut self.head), retained);
+        self.rows = std::mem::take(&mut self.rows).into_iter().map(|row| keep(row, retained)).collect();
         folded
     }
 
@@ -69,8 +69,8 @@ impl Columns {
     }
 }
 
-fn keep<T>(all: Vec<T>, kept: impl Fn(usize) -> bool) -> Vec<T> {
-    all.into_iter().enumerate().filter(|(at, _)| kept(*at)).map(|(_, item)| item).collect()
+fn keep<T>(all: Vec<T>, retained: impl Fn(usize) -> bool) -> Vec<T> {
+    all.into_iter().enumerate().filter(|(at, _)| retained(*at)).map(|(_, item)| item).collect()
 }
 
 impl Display for Columns {

@@ -68,7 +68,7 @@ pub use commands::run::Run;
 pub use commands::send::deliver;
 pub use exit::{Ended, Exit, Failure, print_json};
 pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
-pub use pool::{PoolArgs, tell_shares};
+pub use pool::{PoolArgs, print_shares};
 pub use program::{child, launch, program};
 pub use quantity::quantity;
 

@@ -36,7 +36,7 @@ macro_rules! errln {
 
 /// Writes to standard output; false if it could not be written.
 pub fn out(words: Arguments<'_>) -> bool {
-    kept(io::stdout().write_fmt(words))
+    checked(io::stdout().write_fmt(words))
 }
 
 /// Writes to standard error. A failure is ignored, because there is no other stream for it.
@@ -46,7 +46,7 @@ pub fn err(words: Arguments<'_>) {
 }
 
 /// Stores why standard output could not be written; true if it could.
-pub fn kept(written: io::Result<()>) -> bool {
+pub fn checked(written: io::Result<()>) -> bool {
     let Err(reason) = written else { return true };
     if reason.kind() != ErrorKind::BrokenPipe
         && let Ok(mut unwritten) = UNWRITTEN.lock()
@@ -58,6 +58,6 @@ pub fn kept(written: io::Result<()>) -> bool {
 
 /// Flushes standard output; gives the first failure to write, if there was one.
 pub fn finish() -> Option<io::Error> {
-    kept(io::stdout().flush());
+    checked(io::stdout().flush());
     UNWRITTEN.lock().ok()?.take()
 }

@@ -108,19 +108,19 @@ impl PipelineFile {
             Some(path) => path.clone(),
             None if self.in_parts => {
                 let file = PathBuf::from("head-3dof-apart.yaml");
-                let files = DiskFiles::beside(&file).carrying(APART_FILES);
+                let files = DiskFiles::next_to(&file).carrying(APART_FILES);
                 return Ok(Source { text: APART.to_string(), file, files });
             }
             None if default.is_file() => default,
             None => {
-                let files = DiskFiles::beside(&default).carrying(EMBEDDED_FILES);
+                let files = DiskFiles::next_to(&default).carrying(EMBEDDED_FILES);
                 return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
             }
         };
         let bytes = read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
         let text = config::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
         let file = std::path::absolute(&path).unwrap_or(path);
-        let files = DiskFiles::beside(&file);
+        let files = DiskFiles::next_to(&file);
         Ok(Source { text, file, files })
     }
 

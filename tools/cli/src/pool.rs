@@ -69,7 +69,7 @@ impl PoolArgs {
 }
 
 /// Tells who computed.
-pub fn tell_shares(pool: &Pool<ChildCourier>) {
+pub fn print_shares(pool: &Pool<ChildCourier>) {
     let tally = pool.tally();
     outln!(
         "pool: {} calls by {} workers, {} by this process; {} answers compared, {} calls asked twice because they were late",

@@ -38,7 +38,7 @@ pub fn program<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> ExitC
     let ended = match A::try_parse() {
         Ok(arguments) => execute(arguments),
         Err(answer) => {
-            output::kept(answer.print());
+            output::checked(answer.print());
             Ok(if answer.use_stderr() { Exit::Wrong } else { Exit::Done })
         }
     };

@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Time that a capture may take: a command lapses after `capture_within`, and a registration with a planning CT takes long.
 const CAPTURE: Duration = Duration::from_secs(4);
 /// Frames that are kept until the tracker has reported on them.
-const KEPT: usize = 8;
+const RETAINED: usize = 8;
 
 /// Watches a tracker from before a person captures.
 pub struct Proposal {
@@ -39,7 +39,7 @@ pub struct Proposal {
     /// Root folder of the run's domain.
     root: PathBuf,
     /// The session, or what stands for it: pictures are written beside it.
-    beside: PathBuf,
+    side_by_side: PathBuf,
 }
 
 /// The topics from which the picture is made, and their last samples with the times of their images.
@@ -133,7 +133,7 @@ impl Proposal {
             None => None,
         };
         // Without a session: beside nothing, in the folder of the person who asks.
-        let beside = attached.session.clone().unwrap_or_else(|| PathBuf::from(&graph.name));
+        let side_by_side = attached.session.clone().unwrap_or_else(|| PathBuf::from(&graph.name));
         Ok(Self {
             report: Tap::open(attached, operator, output)?,
             rejection,
@@ -143,7 +143,7 @@ impl Proposal {
             refused: None,
             reason: None,
             root: attached.root.clone(),
-            beside,
+            side_by_side,
         })
     }
 
@@ -162,8 +162,8 @@ impl Proposal {
         let Some(before) = self.before else { return Ok(None) };
         self.last = Some(report);
         if verb == Verb::Confirm {
-            let said = || Outcome::done(format!("reference {} is confirmed", report.reference));
-            return Ok((report.confirmed == 1).then(said));
+            let message = || Outcome::done(format!("reference {} is confirmed", report.reference));
+            return Ok((report.confirmed == 1).then(message));
         }
         let status = PoseStatus::from_number(report.status);
         if report.reference != 0 && report.reference != before.reference {
@@ -257,7 +257,8 @@ impl Proposal {
         };
         let png = picture(shown.image.1, image, face, shown.image_from_face.as_ref())?;
         let tracker = self.topic().split('.').next().unwrap_or_default();
-        let path = self.beside.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));
+        let path =
+            self.side_by_side.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));
         let written = private::create(&path).and_then(|mut file| file.write_all(&png));
         written.map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(Some(path))
@@ -273,18 +274,19 @@ impl Proposal {
     fn collect(&mut self) -> Result<(), Failure> {
         if let Some(tap) = &self.rejection {
             while let Some(sample) = tap.next()? {
-                let said = sample.pieces().view::<Rejection>().map_err(Failure::failed)?;
-                self.reason = said.first().map(|r| r.reason().to_owned());
+                let message = sample.pieces().view::<Rejection>().map_err(Failure::failed)?;
+                self.reason = message.first().map(|r| r.reason().to_owned());
             }
         }
         let Some(Shown { image, face, images, faces, .. }) = &mut self.shown else { return Ok(()) };
-        for (tap, kept) in [(&image.0, images), (&*face, faces)] {
+        for (tap, retained) in [(&image.0, images), (&*face, faces)] {
             while let Some(sample) = tap.next()? {
                 let pieces = sample.pieces();
-                if kept.len() == KEPT {
-                    kept.pop_front();
+                if retained.len() == RETAINED {
+                    retained.pop_front();
                 }
-                kept.push_back((pieces.header().origin, AlignedBytes::joined(pieces.meta, pieces.payload)));
+                retained
+                    .push_back((pieces.header().origin, AlignedBytes::joined(pieces.meta, pieces.payload)));
             }
         }
         Ok(())
@@ -313,8 +315,8 @@ impl Shown {
 }
 
 /// The sample of the image of this time.
-fn of(kept: &VecDeque<(u64, AlignedBytes)>, origin: u64) -> Option<&AlignedBytes> {
-    kept.iter().find(|(of, _)| *of == origin).map(|(_, bytes)| bytes)
+fn of(retained: &VecDeque<(u64, AlignedBytes)>, origin: u64) -> Option<&AlignedBytes> {
+    retained.iter().find(|(of, _)| *of == origin).map(|(_, bytes)| bytes)
 }
 
 /// The output that feeds the first connected input of a kind.

@@ -122,11 +122,11 @@ fn array(field: &Field, values: &[Number], angles: Angles, most: usize) -> Strin
         };
         let all: Vec<(String, String)> = values.iter().enumerate().map(one).collect();
         let is_one_unit = all.iter().all(|(_, unit)| *unit == all[0].1);
-        let said = all.iter().map(|(text, unit)| {
+        let message = all.iter().map(|(text, unit)| {
             if is_one_unit || unit.is_empty() { text.clone() } else { format!("{text} {unit}") }
         });
-        let said = said.collect::<Vec<_>>().join("  ");
-        return if is_one_unit { format!("{said} {}", all[0].1).trim_end().to_owned() } else { said };
+        let message = message.collect::<Vec<_>>().join("  ");
+        return if is_one_unit { format!("{message} {}", all[0].1).trim_end().to_owned() } else { message };
     }
     let (scale, unit) = in_angles(field.unit, angles);
     let one = |number: &Number| match number {
@@ -134,7 +134,7 @@ fn array(field: &Field, values: &[Number], angles: Angles, most: usize) -> Strin
         other => other.text("", angles).0,
     };
     let join = |numbers: &[Number]| numbers.iter().map(one).collect::<Vec<_>>().join("  ");
-    let said = match field.names {
+    let message = match field.names {
         Names::Rows(rows, columns) if values.len() > most && rows == columns => {
             let diagonal: Vec<Number> =
                 (0..rows).filter_map(|i| values.get(i * (columns + 1)).copied()).collect();
@@ -158,7 +158,7 @@ fn array(field: &Field, values: &[Number], angles: Angles, most: usize) -> Strin
             }
         }
     };
-    if unit.is_empty() || unit.contains(',') { said } else { format!("{said} {unit}") }
+    if unit.is_empty() || unit.contains(',') { message } else { format!("{message} {unit}") }
 }
 
 /// The named numbers of diagnostics, in columns.

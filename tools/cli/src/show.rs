@@ -53,9 +53,9 @@ pub fn values_json(kind: &'static SampleKind, sample: Pieces<'_>, paths: &[Value
             Some(found) if found.is_array => Value::Array(found.values.iter().map(|n| n.json()).collect()),
             Some(found) => {
                 if let (Some(field), Number::Unsigned(number)) = (found.field, found.values[0])
-                    && let Some(said) = field.names.words(number)
+                    && let Some(message) = field.names.words(number)
                 {
-                    words.insert(path.to_string(), json!(said));
+                    words.insert(path.to_string(), json!(message));
                 }
                 found.values[0].json()
             }
@@ -78,9 +78,9 @@ fn fields(fields: &[Field], bytes: &[u8]) -> Map<String, Value> {
             (0, primitive) => {
                 let number = Number::of(primitive, own);
                 if let Number::Unsigned(code) = number
-                    && let Some(said) = field.names.words(code)
+                    && let Some(message) = field.names.words(code)
                 {
-                    words.insert(field.name.to_owned(), json!(said));
+                    words.insert(field.name.to_owned(), json!(message));
                 }
                 number.json()
             }

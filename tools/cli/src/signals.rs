@@ -17,19 +17,19 @@ const REPEAT: Duration = Duration::from_secs(1);
 
 /// A flag that each signal sets, except a repeat.
 pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
-    heard(|_| ())
+    received(|_| ())
 }
 
 /// The same for work in this process. The work may never look at the flag, so a further signal while the flag is still set
 /// ends the process.
 pub fn stop_flag_of_this_process() -> Result<Arc<AtomicBool>, Failure> {
-    heard(|signal| {
+    received(|signal| {
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     })
 }
 
 /// A flag that the signals set; `unheard` is called for a signal that finds the flag still set.
-fn heard(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
+fn received(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = Signals::new(those_that_stop()).map_err(Failure::failed)?;
     let flag = stop.clone();

@@ -46,8 +46,8 @@ impl Taps {
         for name in names {
             let Some((operator, port)) = attached.graph.topic(name) else { continue };
             let is_valve = valves.topics().any(|valve| valve == name);
-            let is_kept = attached.session.is_some() && attached.graph.is_recorded(operator, port);
-            if is_kept && !is_valve && !for_terminal {
+            let is_retained = attached.session.is_some() && attached.graph.is_recorded(operator, port);
+            if is_retained && !is_valve && !for_terminal {
                 continue;
             }
             let contract = contracts::output(&attached.graph, operator, port);
@@ -74,9 +74,9 @@ impl Taps {
 }
 
 impl<'a> StatusLine<'a> {
-    /// The status of a run on standard error, if that is a terminal and the status is `wanted`.
-    pub fn new(registry: &'a Registry, wanted: bool) -> Self {
-        let terminal = wanted && std::io::stderr().is_terminal();
+    /// The status of a run on standard error, if that is a terminal and the status is `requested`.
+    pub fn new(registry: &'a Registry, requested: bool) -> Self {
+        let terminal = requested && std::io::stderr().is_terminal();
         Self { registry, terminal, shown: 0, taps: None }
     }
 

@@ -261,14 +261,14 @@ fn print_losses(report: &RunReport) {
         (sum(|l| l.refused), "refused"),
         (sum(|l| l.lost), "lost on a link"),
     ];
-    let said: Vec<String> = losses
+    let message: Vec<String> = losses
         .iter()
         .filter(|(count, _)| *count > 0)
         .map(|(count, what)| format!("{count} {what}"))
         .collect();
-    let said = if said.is_empty() { "none".to_owned() } else { said.join(", ") };
+    let message = if message.is_empty() { "none".to_owned() } else { message.join(", ") };
     outln!(
-        "losses: {said}; {}",
+        "losses: {message}; {}",
         if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" }
     );
 }

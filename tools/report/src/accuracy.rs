@@ -8,7 +8,7 @@ use stillpoint_recorder::Session;
 use stillpoint_samples::{Pose, PoseReport, Sample, SampleKind, Track};
 
 use crate::motion::{Comparison, Pair, Truth, compare, pose};
-use crate::recording::{Part, Recording, Signal};
+use crate::recording::{PoseRole, Recording, Signal};
 use crate::wiring::{Stage, Wiring};
 
 /// The kinds of samples that the accuracy is made of: truths, tracks, and when a tracker took another reference.
@@ -85,7 +85,7 @@ pub fn of_session(session: &Session) -> Option<Accuracy> {
     // Neither the path nor any other sample has a part in it.
     let recording = Recording::read_kinds(session, Path::new(""), KINDS);
     let tracks: Vec<&Signal> =
-        recording.signals.iter().filter(|s| matches!(s.part, Part::Filtered | Part::Fused)).collect();
+        recording.signals.iter().filter(|s| matches!(s.part, PoseRole::Filtered | PoseRole::Fused)).collect();
     let names: Vec<&str> = tracks.iter().map(|s| s.topic.as_str()).collect();
     let last = last_of(&names, &recording.wiring);
     tracks.into_iter().filter(|s| last.contains(&s.topic.as_str())).find_map(|track| {
@@ -159,14 +159,14 @@ mod tests {
     /// The accuracy of estimates at the times of these truths, with new references of the tracker at these times.
     fn of(truth: &[[f64; 6]], estimate: &[[f64; 6]], references: &[u64]) -> Option<Accuracy> {
         let states = |channels: &[[f64; 6]]| {
-            let mut kept = Thinned::default();
-            channels.iter().enumerate().for_each(|(k, c)| kept.push(state(k, *c)));
-            kept
+            let mut retained = Thinned::default();
+            channels.iter().enumerate().for_each(|(k, c)| retained.push(state(k, *c)));
+            retained
         };
         let truth = Signal {
             topic: "rig.truth".into(),
             frame: None,
-            part: Part::Truth,
+            part: PoseRole::Truth,
             states: states(truth),
             tracking: None,
             references: references.to_vec(),
@@ -213,8 +213,8 @@ mod tests {
 
     #[test]
     fn small_errors_keep_three_digits() {
-        let told = [0.0, 0.004_321, 0.3, 12.345, 1234.5].map(three);
-        assert_eq!(told, ["0.00", "0.00432", "0.300", "12.3", "1234"]);
+        let reported = [0.0, 0.004_321, 0.3, 12.345, 1234.5].map(three);
+        assert_eq!(reported, ["0.00", "0.00432", "0.300", "12.3", "1234"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::AlignedBytes;
 
-use super::overlay::View;
+use super::overlay::PictureView;
 
 /// A camera, and the operator that detects a face, a plane and a hull in its images.
 #[derive(Clone, Debug)]
@@ -18,9 +18,9 @@ pub struct Camera {
     pub looked_at: usize,
     /// Number of images that it refused.
     pub refused: usize,
-    pub views: Vec<View>,
+    pub views: Vec<PictureView>,
     /// Whether the results come from a replay.
-    pub made_again: bool,
+    pub recomputed_views: bool,
     /// Why there are no chosen images, or fewer than requested.
     pub missing: Option<String>,
 }

@@ -45,7 +45,7 @@ pub struct Chart {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Legend {
     Over,
-    Beside,
+    Aside,
 }
 
 /// Colours that people with weak red-green sight can tell apart (Okabe and Ito).
@@ -77,7 +77,7 @@ impl Chart {
 
     /// The same with its legend on the right, and a colour for each series, by number: series of one colour belong
     /// together, and one without a name is not in the legend.
-    pub fn svg_with_legend_beside(
+    pub fn svg_with_legend_aside(
         &self,
         width: u32,
         height: u32,
@@ -88,7 +88,7 @@ impl Chart {
         self.document((width, height), |area| {
             area.fill(&WHITE)?;
             let (left, right) = area.split_horizontally(width - legend);
-            self.draw(&left, colours, Legend::Beside)?;
+            self.draw(&left, colours, Legend::Aside)?;
             let named = self.series.iter().zip(colours).filter(|(s, _)| !s.name.is_empty());
             for (place, (series, colour)) in named.enumerate() {
                 let (y, colour) = (40 + 20 * place as i32, COLOURS[colour % COLOURS.len()]);
@@ -168,7 +168,7 @@ impl Chart {
                     }
                 }
             }
-            if series.name.is_empty() || legend == Legend::Beside {
+            if series.name.is_empty() || legend == Legend::Aside {
                 continue;
             }
             chart
@@ -285,7 +285,7 @@ mod tests {
             ],
             ..Chart::default()
         };
-        let svg = chart.svg_with_legend_beside(640, 320, &[0, 0, 1]).unwrap();
+        let svg = chart.svg_with_legend_aside(640, 320, &[0, 0, 1]).unwrap();
         assert_eq!((svg.matches("<svg").count(), svg.matches("</svg>").count()), (1, 1));
         assert!(svg.trim_end().ends_with("</svg>") && svg.contains("Rectum") && svg.contains("Bladder"));
     }

@@ -12,7 +12,7 @@ const BETWEEN: f64 = 14.0;
 const ACROSS: f64 = 46.0;
 /// Width of a letter, about, and the room beside a name.
 const LETTER: f64 = 7.8;
-const BESIDE: f64 = 20.0;
+const LATERAL: f64 = 20.0;
 /// A drawing of more operators would not be read.
 const MOST: usize = 120;
 
@@ -27,7 +27,7 @@ pub fn svg(wiring: &Wiring) -> Option<String> {
     let wide = |column: usize| {
         let names =
             stages.iter().zip(&columns).filter(|(_, c)| **c == column).map(|(s, _)| s.name.chars().count());
-        names.max().unwrap_or(0) as f64 * LETTER + BESIDE
+        names.max().unwrap_or(0) as f64 * LETTER + LATERAL
     };
     let count = columns.iter().max().map_or(0, |c| c + 1);
     let mut lefts = vec![1.0];
@@ -95,7 +95,7 @@ fn columns(count: usize, edges: &BTreeSet<(usize, usize)>) -> Vec<usize> {
 fn rows(columns: &[usize], edges: &BTreeSet<(usize, usize)>, count: usize) -> Vec<f64> {
     let mut rows = vec![0.0; columns.len()];
     for column in 0..count {
-        let mut wanted: Vec<(f64, usize)> = (0..columns.len())
+        let mut requested: Vec<(f64, usize)> = (0..columns.len())
             .filter(|s| columns[*s] == column)
             .enumerate()
             .map(|(place, s)| {
@@ -108,9 +108,9 @@ fn rows(columns: &[usize], edges: &BTreeSet<(usize, usize)>, count: usize) -> Ve
                 (if from.is_empty() { place as f64 } else { middle }, s)
             })
             .collect();
-        wanted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        requested.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut free = 0.0;
-        for (row, stage) in wanted {
+        for (row, stage) in requested {
             rows[stage] = f64::max(row, free);
             free = rows[stage] + 1.0;
         }

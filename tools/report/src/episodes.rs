@@ -133,8 +133,8 @@ mod tests {
         for (k, why) in whys.iter().enumerate() {
             found.take(k as u64 * 1000 * MS, why.is_some(), || why.unwrap_or_default().to_owned());
         }
-        let told = found.episodes();
-        assert_eq!(told.line("vented").unwrap(), "vented 3 times, 3.0 s, asked 2 times; pose stale once");
+        let reported = found.episodes();
+        assert_eq!(reported.line("vented").unwrap(), "vented 3 times, 3.0 s, asked 2 times; pose stale once");
         assert_eq!(Episodes::default().line("vented"), None);
     }
 }

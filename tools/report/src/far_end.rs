@@ -82,7 +82,7 @@ impl FarEnds {
     }
 
     /// The figures so far; none if the far end was silent.
-    pub fn told(&self) -> Option<FarEnd> {
+    pub fn reported(&self) -> Option<FarEnd> {
         let (last, state) = self.newest.as_ref()?;
         Some(FarEnd {
             topic: self.topic.clone(),
@@ -150,15 +150,18 @@ mod tests {
     #[test]
     fn the_beam_was_on_from_a_sample_that_says_so_to_the_next() {
         let mut far = FarEnds::new("far.state", None);
-        assert_eq!(far.told(), None);
+        assert_eq!(far.reported(), None);
         let on = |k: u64| (2..5).contains(&k) || k == 9;
         for k in 0..11 {
             let state = FarEndElement { beam: u32::from(on(k)), accepted: k, doing: 2, ..Default::default() };
             far.take(1_000_000_000 + k * 500_000_000, &state);
         }
-        let told = far.told().unwrap();
-        assert_eq!((told.on_s, told.watched_s, told.duty()), (2.0, 5.0, Some(0.4)));
-        assert_eq!((told.doing, told.beam, told.accepted, told.now()), ("following", false, 10, None));
+        let reported = far.reported().unwrap();
+        assert_eq!((reported.on_s, reported.watched_s, reported.duty()), (2.0, 5.0, Some(0.4)));
+        assert_eq!(
+            (reported.doing, reported.beam, reported.accepted, reported.now()),
+            ("following", false, 10, None)
+        );
     }
 
     #[test]
@@ -166,8 +169,10 @@ mod tests {
         let mut far = FarEnds::new("far.state", None);
         far.take(0, &FarEndElement { refused: 300, refused_beam: 102, doing: 1, ..Default::default() });
         far.take_reasons(&[Metric::new("late", 0.0), Metric::new("forged", 402.0)]);
-        let told = far.told().unwrap();
-        assert_eq!(told.now().unwrap(), "far end venting, refused 402 datagrams (forged 402)");
-        assert!(told.to_string().ends_with("refused 300 for the valves and 102 for the beam (forged 402)"));
+        let reported = far.reported().unwrap();
+        assert_eq!(reported.now().unwrap(), "far end venting, refused 402 datagrams (forged 402)");
+        assert!(
+            reported.to_string().ends_with("refused 300 for the valves and 102 for the beam (forged 402)")
+        );
     }
 }

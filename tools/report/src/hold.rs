@@ -33,7 +33,7 @@ const ANY: Tolerances = Tolerances {
 
 /// Collects the samples that state how a head is held.
 pub struct Hold {
-    aims: Vec<Aimed>,
+    target_track: Vec<Aimed>,
     gates: Vec<Gated>,
     valves: Vec<ValveStates>,
     far_ends: Vec<FarEnds>,
@@ -105,7 +105,7 @@ impl Hold {
                     .map(move |(o, _)| (node, o.topic.clone()))
             })
         };
-        let aims = sent(Target::KIND).filter_map(|(node, target)| {
+        let target_track = sent(Target::KIND).filter_map(|(node, target)| {
             let ports = node.inputs.iter().zip(node.stage.kind.inputs);
             let from = ports.filter(|(_, port)| *port.sample == *Track::KIND).find_map(|(i, _)| i.edge)?;
             let estimate = graph.operators[from.operator].outputs[from.output].topic.clone();
@@ -118,7 +118,7 @@ impl Hold {
             })
         });
         Self {
-            aims: aims.collect(),
+            target_track: target_track.collect(),
             gates: sent(Gate::KIND).map(|(_, topic)| Gated::new(topic)).collect(),
             valves: sent(Actuation::KIND)
                 .map(|(_, topic)| ValveStates { topic, ..ValveStates::default() })
@@ -151,22 +151,22 @@ impl Hold {
 
     /// Only the valves and their far ends.
     pub fn of_valves(graph: &Graph) -> Self {
-        Self { aims: Vec::new(), gates: Vec::new(), ..Self::of(graph) }
+        Self { target_track: Vec::new(), gates: Vec::new(), ..Self::of(graph) }
     }
 
     /// The topics to read.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
-        let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
+        let target_track = self.target_track.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
         let gates = self.gates.iter().map(|g| g.topic.as_str());
         let far_ends = self.far_ends.iter();
         let far_ends = far_ends.flat_map(|f| [Some(f.topic.as_str()), f.diagnostics.as_deref()]).flatten();
         let valves = self.valves.iter().map(|v| v.topic.as_str());
-        aims.chain(gates).chain(valves).chain(far_ends)
+        target_track.chain(gates).chain(valves).chain(far_ends)
     }
 
     /// Takes a sample. Targets have to come before estimates of the same time.
     pub fn take(&mut self, topic: &str, pieces: Pieces<'_>) {
-        for aim in &mut self.aims {
+        for aim in &mut self.target_track {
             if aim.target == topic
                 && let Some(target) = pieces.view::<Target>().ok().as_ref().and_then(|v| v.first())
             {
@@ -217,10 +217,10 @@ impl Hold {
         let known =
             |g: &Gated| g.newest.map(|gate| Beam { why_not: g.why_not(), ..Beam::of(&g.topic, &gate) });
         Held {
-            targets: self.aims.iter().map(Against::of).filter(Against::has_news).collect(),
+            targets: self.target_track.iter().map(Against::of).filter(Against::has_news).collect(),
             gates: self.gates.iter().filter_map(known).collect(),
             valves: self.valves.iter().filter_map(Valves::of).collect(),
-            far_ends: self.far_ends.iter().filter_map(FarEnds::told).collect(),
+            far_ends: self.far_ends.iter().filter_map(FarEnds::reported).collect(),
         }
     }
 }
@@ -421,8 +421,8 @@ impl Display for Held {
             if !channels.is_empty() {
                 writeln!(f, "{estimate} minus {target} at the end (and over the last 5 s): {channels}")?;
             }
-            if let Some(said) = refusals.said() {
-                writeln!(f, "{target}: {said}")?;
+            if let Some(sentence) = refusals.sentence() {
+                writeln!(f, "{target}: {sentence}")?;
             }
         }
         for gate in &self.gates {

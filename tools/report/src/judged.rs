@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::motion::{Truth, numbers, pose};
 use crate::offset::mean_offset;
-use crate::recording::{Gates, Part, Recording, Signal};
+use crate::recording::{Gates, PoseRole, Recording, Signal};
 
 /// Distances from the target while the beam was allowed, over the coordinates that the target holds, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,7 +30,7 @@ impl Judged {
     pub fn of(recording: &Recording<'_>, gates: &Gates) -> Option<Self> {
         let (gate, _) = recording.wiring.producer(&gates.topic)?;
         let target = recording.targets.iter().find(|t| gate.inputs.contains(&t.topic))?;
-        let is_judged = |s: &&Signal| s.part != Part::Truth && gate.inputs.contains(&s.topic);
+        let is_judged = |s: &&Signal| s.part != PoseRole::Truth && gate.inputs.contains(&s.topic);
         let track = recording.signals.iter().find(is_judged)?;
         let signal = recording.truth_of(track)?;
         let truth = Truth::of(signal);
@@ -66,13 +66,14 @@ impl Judged {
             let point = origin * back;
             // What the target does not hold is as it is.
             let now = numbers(&point);
-            let wanted = pose(std::array::from_fn(|i| if held[i].is_nan() { now[i] } else { held[i] }));
-            let off = |is: &Isometry3<f64>, due: &Isometry3<f64>| {
-                let gap = is.translation.vector - due.translation.vector;
+            let requested = pose(std::array::from_fn(|i| if held[i].is_nan() { now[i] } else { held[i] }));
+            let off = |is: &Isometry3<f64>, expected: &Isometry3<f64>| {
+                let gap = is.translation.vector - expected.translation.vector;
                 1e3 * Vector3::from_fn(|i, _| if held[i].is_nan() { 0.0 } else { gap[i] }).norm()
             };
-            for (i, distance) in
-                [off(&point, &wanted), off(&origin, &(wanted * point_from_origin))].into_iter().enumerate()
+            for (i, distance) in [off(&point, &requested), off(&origin, &(requested * point_from_origin))]
+                .into_iter()
+                .enumerate()
             {
                 squares[i] += distance * distance;
                 worst[i] = worst[i].max(distance);
@@ -109,8 +110,8 @@ mod tests {
         let found = Judged::from(truths(), &point_from_origin, &targets, &gate).unwrap();
         assert_eq!(found.samples, 10);
         assert!(found.point_worst_mm < 1e-9 && (found.apart_mm - 50.0).abs() < 1e-9, "{found:?}");
-        let due = (5..15).map(|i| 50.0 * angle(i).sin().abs()).fold(0.0, f64::max);
-        assert!((found.origin_worst_mm - due).abs() < 1e-9 && due > 0.4, "{found:?} {due}");
+        let expected = (5..15).map(|i| 50.0 * angle(i).sin().abs()).fold(0.0, f64::max);
+        assert!((found.origin_worst_mm - expected).abs() < 1e-9 && expected > 0.4, "{found:?} {expected}");
         assert_eq!(Judged::from(truths(), &point_from_origin, &targets, &gate[..1]), None);
         // Along x and y the target holds nothing, and a shift there is no error.
         let aside = truths().map(|(i, c)| (i, [c[0] + 0.02, c[1], c[2] + 1e-3, c[3], c[4], c[5]]));

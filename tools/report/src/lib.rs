@@ -9,14 +9,13 @@
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
 //! - `ramp`: the effect of a filter's gains on noise and on a ramp
 //! - `proposal`: the picture of a captured face
-//! - `views`, `camera`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
+//! - `views`, `camera`, `recomputed`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
 //! - `page`, `html`, `escape`, `drawings`, `page.css`: sections and blocks; the page; its text, charts and style
 //! - `isolines`: lines of one level
 //! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
 
 pub mod accuracy;
-mod again;
 #[cfg(test)]
 mod broken;
 mod camera;
@@ -41,6 +40,7 @@ mod picture;
 pub mod proposal;
 mod ramp;
 mod ranking;
+mod recomputed;
 mod recording;
 pub mod refused;
 mod rows;

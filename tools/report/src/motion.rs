@@ -246,7 +246,7 @@ impl Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::Part;
+    use crate::recording::PoseRole;
     use crate::thinned::Thinned;
 
     fn state(origin: u64, channels: [f64; 6]) -> State {
@@ -255,13 +255,13 @@ mod tests {
     }
 
     fn signal(states: impl IntoIterator<Item = State>) -> Signal {
-        let mut kept = Thinned::default();
-        states.into_iter().for_each(|s| kept.push(s));
+        let mut retained = Thinned::default();
+        states.into_iter().for_each(|s| retained.push(s));
         Signal {
             topic: "rig.truth".into(),
             frame: None,
-            part: Part::Truth,
-            states: kept,
+            part: PoseRole::Truth,
+            states: retained,
             tracking: None,
             references: Vec::new(),
         }

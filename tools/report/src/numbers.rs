@@ -113,9 +113,9 @@ mod tests {
 
     #[test]
     fn numbers_have_four_digits_that_count() {
-        let said =
+        let sentence =
             [None, Some(3.0), Some(0.012_346), Some(1234.56), Some(-0.5), Some(1.5e-7), Some(0.1 + 0.2)]
                 .map(short);
-        assert_eq!(said, ["–", "3", "0.01235", "1235", "-0.5000", "1.500e-7", "0.3000"]);
+        assert_eq!(sentence, ["–", "3", "0.01235", "1235", "-0.5000", "1.500e-7", "0.3000"]);
     }
 }

@@ -34,7 +34,7 @@ pub struct Image {
 
 /// An image with its detections.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct PictureView {
     /// When it was acquired, ns.
     pub origin: u64,
     pub image: Image,
@@ -184,7 +184,7 @@ fn fit(points: impl Iterator<Item = (f64, f64)>) -> Option<(f64, f64)> {
 }
 
 /// The picture of an image with what was found in it. A face that became a reference has an outline.
-pub fn paint(view: &View) -> Indexed {
+pub fn paint(view: &PictureView) -> Indexed {
     let image = &view.image;
     let (width, height) = (image.width, image.height);
     let shades = image.relief();
@@ -299,7 +299,7 @@ mod tests {
             kept: 0,
             hypotheses: 0,
         };
-        let view = View {
+        let view = PictureView {
             origin: 0,
             image,
             face,
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(picture.colours.len(), usize::from(OUTLINE) + 1);
         assert_eq!(count(OUTLINE, 255), 0);
         // The outline of a reference of 20 x 20 pixels lies just outside, two pixels wide.
-        let reference = paint(&View { captured: Some(1), ..view });
+        let reference = paint(&PictureView { captured: Some(1), ..view });
         let count = |of: u8| reference.pixels.iter().filter(|p| **p == of).count();
         assert_eq!(count(OUTLINE), 4 * 2 * 20);
         assert_eq!(reference.pixels.iter().filter(|p| (FACE..HULL).contains(p)).count(), 400);

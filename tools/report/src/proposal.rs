@@ -3,7 +3,7 @@
 use stillpoint_operator::frames::Rigid;
 use stillpoint_samples::{DepthImage, Pieces, PointCloud, Sample, SampleKind};
 
-use crate::overlay::{Image, View, paint};
+use crate::overlay::{Image, PictureView, paint};
 
 /// A PNG file of an image (a sample of a depth image or of an organised cloud) with a face (a sample of a cloud) and its
 /// outline. `image_from_face` leads from the face's frame to that of the image where they differ.
@@ -23,7 +23,7 @@ pub fn picture(
         None => p,
     };
     let image = if *kind == *DepthImage::KIND { Image::of_depth(image) } else { Image::of_cloud(image) };
-    let view = View {
+    let view = PictureView {
         origin: 0,
         image: image.map_err(|e| format!("the image: {e}"))?,
         face: points.elements.iter().map(|p| place(p.xyz)).collect(),

@@ -42,7 +42,7 @@ pub fn ranking(contenders: &[Contender]) -> Vec<Rank> {
 }
 
 /// The ranking in words, and whether all controllers had the same disturbances.
-pub fn said(ranking: &[Rank], contenders: &[Contender]) -> Option<String> {
+pub fn sentence(ranking: &[Rank], contenders: &[Contender]) -> Option<String> {
     let [first, others @ ..] = ranking else { return None };
     let named = |r: &Rank| match &r.law {
         Some(law) => format!("{} ({law}, {})", r.controller, fixed(r.held, 3)),
@@ -78,14 +78,14 @@ mod tests {
         let found = ranking(&all);
         assert_eq!([found[0].controller.as_str(), found[1].controller.as_str()], ["pi", "mrac"]);
         assert!((found[0].held - 0.2).abs() < 1e-12 && (found[1].held - 1.0).abs() < 1e-12, "{found:?}");
-        let words = said(&found, &all).unwrap();
+        let words = sentence(&found, &all).unwrap();
         assert!(words.starts_with("With the same person (nods, seed 7), the controller closest"), "{words}");
         assert!(
             words.ends_with("is pi (control.pi, 0.200); the others follow: mrac (control.mrac, 1.000)."),
             "{words}"
         );
         let others = [all[0].clone(), one("pi", 0.1, 0.04, "nods, seed 8")];
-        assert!(said(&found, &others).unwrap().starts_with("With persons who differ"));
-        assert!(ranking(&all[..1]).is_empty() && said(&[], &all).is_none());
+        assert!(sentence(&found, &others).unwrap().starts_with("With persons who differ"));
+        assert!(ranking(&all[..1]).is_empty() && sentence(&[], &all).is_none());
     }
 }

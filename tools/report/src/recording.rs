@@ -11,8 +11,8 @@ use stillpoint_samples::{
 };
 
 pub use super::rows::{
-    Aims, Alignments, Fit, Gates, Metrics, Order, Orders, Part, Pressures, Refusal, Signal, State, Touch,
-    Touches, Tracking, Verdict,
+    Alignments, Fit, Gates, Metrics, Order, Orders, PoseRole, Pressures, RefusedFrame, Signal, State,
+    TargetTrack, Touch, Touches, Tracking, Verdict,
 };
 use super::thinned::Thinned;
 use super::wiring::Wiring;
@@ -36,7 +36,7 @@ pub struct Recording<'s> {
     pub verdicts: Vec<Verdict>,
     /// Reports of pose estimates.
     pub alignments: Vec<Alignments>,
-    pub targets: Vec<Aims>,
+    pub targets: Vec<TargetTrack>,
     pub duties: Vec<Orders>,
     /// States of the gates of beams.
     pub gates: Vec<Gates>,
@@ -48,7 +48,7 @@ pub struct Recording<'s> {
     /// States of actuation and of rigs, at each change.
     pub states: Vec<Verdict>,
     /// Frames without a result.
-    pub refusals: Thinned<Refusal>,
+    pub refusals: Thinned<RefusedFrame>,
     /// The first reasons why samples could not be read, and the number of these samples.
     pub unreadable: (Vec<String>, u64),
 }
@@ -84,11 +84,11 @@ impl<'s> Recording<'s> {
         // By number of the topic: where its samples go.
         let places: Vec<Option<usize>> = session.topics().iter().map(|t| recording.open(t)).collect();
         for recorded in session.samples_where(|t| is_any_of(t, kinds)) {
-            let said = recorded.map_err(|e| e.to_string()).and_then(|r| {
+            let sentence = recorded.map_err(|e| e.to_string()).and_then(|r| {
                 let topic = &session.topics()[r.topic];
                 recording.take(topic, places[r.topic], &r).map_err(|e| format!("{}: {e}", topic.name))
             });
-            if let Err(reason) = said {
+            if let Err(reason) = sentence {
                 recording.unreadable.1 += 1;
                 if recording.unreadable.0.len() < UNREADABLE_SHOWN {
                     recording.unreadable.0.push(reason);
@@ -100,7 +100,7 @@ impl<'s> Recording<'s> {
         references.sort_unstable();
         for signal in &mut recording.signals {
             signal.states.items_mut().sort_by_key(|s| s.origin);
-            if signal.part == Part::Truth {
+            if signal.part == PoseRole::Truth {
                 signal.references.clone_from(&references);
             }
         }
@@ -131,7 +131,7 @@ impl<'s> Recording<'s> {
         }
         if is_any_of(topic, &[Target::KIND]) {
             let (topic, frame) = (topic.name.clone(), topic.frame.clone());
-            self.targets.push(Aims { topic, frame, ..Aims::default() });
+            self.targets.push(TargetTrack { topic, frame, ..TargetTrack::default() });
             return Some(self.targets.len() - 1);
         }
         if is_any_of(topic, &[Duties::KIND]) {
@@ -163,15 +163,15 @@ impl<'s> Recording<'s> {
     }
 
     /// The part of a topic. A track that is computed from tracks is fused.
-    fn part(&self, topic: &Topic) -> Part {
+    fn part(&self, topic: &Topic) -> PoseRole {
         if is_any_of(topic, &[Pose::KIND]) {
-            return if topic.name.ends_with(".truth") { Part::Truth } else { Part::Raw };
+            return if topic.name.ends_with(".truth") { PoseRole::Truth } else { PoseRole::Raw };
         }
         let is_track = |name: &String| {
             self.session.topics().iter().any(|t| t.name == *name && is_any_of(t, &[Track::KIND]))
         };
         let made_of = self.wiring.producer(&topic.name).map_or(&[][..], |(stage, _)| &stage.inputs);
-        if made_of.iter().any(is_track) { Part::Fused } else { Part::Filtered }
+        if made_of.iter().any(is_track) { PoseRole::Fused } else { PoseRole::Filtered }
     }
 
     fn take(&mut self, topic: &Topic, place: Option<usize>, r: &Recorded) -> Result<(), BytesError> {
@@ -215,11 +215,11 @@ impl<'s> Recording<'s> {
                 alignments.take(head.origin, report);
             }
         } else if *kind == *Target::KIND {
-            let aims = place.and_then(|p| self.targets.get_mut(p));
-            if let (Some(aims), Some(target)) = (aims, pieces.view::<Target>()?.first()) {
+            let target_track = place.and_then(|p| self.targets.get_mut(p));
+            if let (Some(target_track), Some(target)) = (target_track, pieces.view::<Target>()?.first()) {
                 let ([x, y, z], [pitch, roll, yaw]) = (target.position, target.angles);
-                aims.values.push((head.stamp, [x, y, z, pitch, roll, yaw]));
-                aims.refusals.take(head.stamp, target);
+                target_track.values.push((head.stamp, [x, y, z, pitch, roll, yaw]));
+                target_track.refusals.take(head.stamp, target);
             }
         } else if *kind == *Duties::KIND {
             let orders = place.and_then(|p| self.duties.get_mut(p));
@@ -275,7 +275,7 @@ impl<'s> Recording<'s> {
             && let Some(rejection) = pieces.view::<Rejection>()?.first()
         {
             let reason = rejection.reason().to_owned();
-            self.refusals.push(Refusal { topic: topic.name.clone(), stamp: head.stamp, reason });
+            self.refusals.push(RefusedFrame { topic: topic.name.clone(), stamp: head.stamp, reason });
         }
         Ok(())
     }
@@ -298,7 +298,7 @@ impl<'s> Recording<'s> {
     }
 
     /// The signals of this part that have samples.
-    pub fn signals_of(&self, part: Part) -> impl Iterator<Item = &Signal> {
+    pub fn signals_of(&self, part: PoseRole) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter(move |s| s.part == part && !s.states.items().is_empty())
     }
 
@@ -310,7 +310,7 @@ impl<'s> Recording<'s> {
             let rig = self.wiring.producer(&truth.topic);
             rig.is_some_and(|(rig, _)| rig.outputs.iter().any(|o| upstream.contains(&o.as_str())))
         };
-        let of_frame = || self.signals_of(Part::Truth).filter(|s| s.frame == estimate.frame);
+        let of_frame = || self.signals_of(PoseRole::Truth).filter(|s| s.frame == estimate.frame);
         of_frame().find(makes).or_else(|| of_frame().next())
     }
 

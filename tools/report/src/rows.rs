@@ -12,7 +12,7 @@ use crate::target_refusals::Refusals;
 /// The role of a pose in the estimation of a head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Part {
+pub enum PoseRole {
     /// The true pose of the head.
     Truth,
     Raw,
@@ -56,7 +56,7 @@ pub struct Tracking {
 pub struct Signal {
     pub topic: String,
     pub frame: Option<String>,
-    pub part: Part,
+    pub part: PoseRole,
     pub states: Thinned<State>,
     pub tracking: Option<Tracking>,
     /// Of a truth: when, ns, a tracker that is compared with it took another reference. From then on its poses have
@@ -133,7 +133,7 @@ pub struct Sure {
 
 /// A target over time.
 #[derive(Clone, Debug, Default)]
-pub struct Aims {
+pub struct TargetTrack {
     pub topic: String,
     pub frame: Option<String>,
     /// (stamp in ns; x, y, z in m, pitch, roll, yaw in rad, NaN where not controlled).
@@ -237,7 +237,7 @@ pub struct Touch {
 
 /// A frame that gave no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
+pub struct RefusedFrame {
     /// The topic that says so.
     pub topic: String,
     /// When, ns.

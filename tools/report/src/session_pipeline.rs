@@ -34,8 +34,8 @@ pub fn pipeline_of(
     registry: &Registry,
 ) -> Result<(Graph, SessionFiles), SessionPipelineError> {
     let text = |name: &'static str| {
-        let kept = session.attachments().get(name).ok_or(SessionPipelineError::Missing(name))?;
-        String::from_utf8(kept.bytes.clone())
+        let retained = session.attachments().get(name).ok_or(SessionPipelineError::Missing(name))?;
+        String::from_utf8(retained.bytes.clone())
             .map_err(|e| SessionPipelineError::Unreadable { name, reason: e.to_string() })
     };
     let source = text(PIPELINE)?;

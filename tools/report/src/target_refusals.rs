@@ -4,7 +4,7 @@ use serde::Serialize;
 use stillpoint_samples::{Channel, Codes, Names, Refusal, TargetElement};
 
 /// Refusals that are kept one by one; more are counted.
-const KEPT: usize = 1000;
+const RETAINED: usize = 1000;
 /// The channels in the order of their bits.
 pub const CHANNELS: [&str; 6] = [
     Channel::X.word(),
@@ -51,7 +51,7 @@ impl Refusals {
         if self.stands_refused {
             self.refused += 1;
             let why = words(target);
-            if self.each.len() < KEPT {
+            if self.each.len() < RETAINED {
                 self.each.push(RefusedTarget { stamp, why: why.clone() });
             }
             self.why = Some(why);
@@ -59,7 +59,7 @@ impl Refusals {
     }
 
     /// A sentence about the refusals, if there were any.
-    pub fn said(&self) -> Option<String> {
+    pub fn sentence(&self) -> Option<String> {
         let why = self.why.as_ref()?;
         let Self { asked, refused, .. } = self;
         Some(format!("{refused} of {asked} targets were refused, the last because {why}"))
@@ -90,7 +90,7 @@ mod tests {
         };
         found.take(0, &none);
         found.take(1, &refused(1, Refusal::None, 0));
-        assert_eq!((found.said(), found.stands_refused), (None, false));
+        assert_eq!((found.sentence(), found.stands_refused), (None, false));
         for stamp in 2..5 {
             found.take(stamp, &refused(2, Refusal::Unreachable, 0b1100));
         }
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!((found.refused, found.asked, found.stands_refused), (2, 4, false));
         assert_eq!(found.each[0], RefusedTarget { stamp: 2, why: "it cannot be reached (z, pitch)".into() });
         assert_eq!(
-            found.said().unwrap(),
+            found.sentence().unwrap(),
             "2 of 4 targets were refused, the last because it needs one value for each channel that is held"
         );
     }

@@ -6,7 +6,7 @@ pub const MOST: usize = 100_000;
 /// The first item and every `stride`-th item after it.
 #[derive(Clone, Debug)]
 pub struct Thinned<T> {
-    kept: Vec<T>,
+    retained: Vec<T>,
     stride: u64,
     seen: u64,
     most: usize,
@@ -21,7 +21,7 @@ impl<T> Default for Thinned<T> {
 impl<T> Thinned<T> {
     /// An empty series that keeps at most this many items, at least two.
     pub fn with_room(most: usize) -> Self {
-        Self { kept: Vec::new(), stride: 1, seen: 0, most: most.max(2) }
+        Self { retained: Vec::new(), stride: 1, seen: 0, most: most.max(2) }
     }
 
     /// Takes the next item.
@@ -31,9 +31,9 @@ impl<T> Thinned<T> {
         if !number.is_multiple_of(self.stride) {
             return;
         }
-        if self.kept.len() >= self.most {
+        if self.retained.len() >= self.most {
             let mut at = 0;
-            self.kept.retain(|_| {
+            self.retained.retain(|_| {
                 at += 1;
                 at % 2 == 1
             });
@@ -42,17 +42,17 @@ impl<T> Thinned<T> {
                 return;
             }
         }
-        self.kept.push(item);
+        self.retained.push(item);
     }
 
     /// The items that were kept, in their order.
     pub fn items(&self) -> &[T] {
-        &self.kept
+        &self.retained
     }
 
     /// The items that were kept, to be reordered.
     pub fn items_mut(&mut self) -> &mut [T] {
-        &mut self.kept
+        &mut self.retained
     }
 
     /// Number of items that were pushed.

@@ -8,10 +8,10 @@ use stillpoint_samples::{
     DepthImage, Hull, Pieces, Plane, PointCloud, PoseReport, RefKind, Rejection, Sample, SampleKind,
 };
 
-use super::again::made_again;
 use super::camera::{Camera, Found};
 use super::overlay::Image;
-use super::overlay::View;
+use super::overlay::PictureView;
+use super::recomputed::recomputed_views;
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
 
@@ -55,7 +55,7 @@ fn found(source: &Source<'_>) -> Vec<Camera> {
                 looked_at: 0,
                 refused: 0,
                 views: Vec::new(),
-                made_again: false,
+                recomputed_views: false,
                 missing: None,
             });
         }
@@ -99,23 +99,23 @@ fn fill(source: &Source<'_>, camera: &mut Camera) {
     let is_refused = |origin: &u64| results.get(Rejection::NAME).is_some_and(|r| r.contains_key(origin));
     camera.looked_at = looked_at.len();
     camera.refused = looked_at.iter().filter(|o| is_refused(o)).count();
-    let is_kept = |topic: &String| recording.session.topic_number(topic).is_some();
+    let is_retained = |topic: &String| recording.session.topic_number(topic).is_some();
     let needed = [PointCloud::NAME, Plane::NAME, Hull::NAME];
-    let all_kept =
-        is_kept(&camera.image) && needed.iter().all(|kind| camera.results.get(kind).is_none_or(is_kept));
-    let choice = if all_kept { &looked_at[..] } else { &looked_at[..looked_at.len().min(REPLAYED)] };
+    let all_retained = is_retained(&camera.image)
+        && needed.iter().all(|kind| camera.results.get(kind).is_none_or(is_retained));
+    let choice = if all_retained { &looked_at[..] } else { &looked_at[..looked_at.len().min(REPLAYED)] };
     let captured = captures(recording, camera);
-    let wanted = chosen(choice, source.pictures, is_refused, |origin| captured.contains_key(origin));
-    let mut found = kept(recording, camera, &images, &results, &wanted);
-    if !all_kept && !wanted.is_empty() {
-        match made_again(source, camera, &wanted, &mut found) {
-            Ok(()) => camera.made_again = true,
+    let requested = chosen(choice, source.pictures, is_refused, |origin| captured.contains_key(origin));
+    let mut found = retained(recording, camera, &images, &results, &requested);
+    if !all_retained && !requested.is_empty() {
+        match recomputed_views(source, camera, &requested, &mut found) {
+            Ok(()) => camera.recomputed_views = true,
             Err(reason) => camera.missing = Some(reason),
         }
     }
-    for origin in &wanted {
+    for origin in &requested {
         match view(source, camera, *origin, &found) {
-            Ok(view) => camera.views.push(View { captured: captured.get(origin).copied(), ..view }),
+            Ok(view) => camera.views.push(PictureView { captured: captured.get(origin).copied(), ..view }),
             Err(reason) => camera.missing = Some(reason),
         }
     }
@@ -153,13 +153,13 @@ fn chosen(
     let mut chosen: Vec<u64> = (0..count).map(|i| origins[place(i)]).collect();
     let refused = origins.iter().find(|o| is_refused(o)).filter(|_| !chosen.iter().any(&is_refused));
     let captured = origins.iter().rev().filter(|o| is_captured(o)).take(count);
-    let mut kept = BTreeSet::new();
+    let mut retained = BTreeSet::new();
     for origin in captured.chain(refused) {
         // In place of its nearest neighbour.
-        let free = chosen.iter_mut().filter(|o| !kept.contains(*o));
+        let free = chosen.iter_mut().filter(|o| !retained.contains(*o));
         if let Some(nearest) = free.min_by_key(|o| o.abs_diff(*origin)) {
             *nearest = *origin;
-            kept.insert(*origin);
+            retained.insert(*origin);
         }
     }
     chosen.sort_unstable();
@@ -167,18 +167,18 @@ fn chosen(
 }
 
 /// What the session holds of the wanted images and results.
-fn kept(
+fn retained(
     recording: &Recording<'_>,
     camera: &Camera,
     images: &BTreeMap<u64, (u32, u64)>,
     results: &BTreeMap<&str, BTreeMap<u64, (u32, u64)>>,
-    wanted: &[u64],
+    requested: &[u64],
 ) -> Found {
     let mut found = Found::new();
     let topics = camera.results.iter().filter_map(|(kind, topic)| Some((topic, results.get(kind)?)));
     for (topic, sent) in topics.chain([(&camera.image, images)]) {
         let Some(number) = recording.session.topic_number(topic) else { continue };
-        for origin in wanted {
+        for origin in requested {
             let Some((incarnation, sequence)) = sent.get(origin) else { continue };
             if let Ok(Some(recorded)) = recording.session.sample(number, *incarnation, *sequence) {
                 found.insert((topic.clone(), *origin), recorded.sample);
@@ -188,7 +188,7 @@ fn kept(
     found
 }
 
-fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<View, String> {
+fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<PictureView, String> {
     let bytes = |topic: &String| found.get(&(topic.clone(), origin)).map(|b| &b[..]);
     let of = |kind: &str| camera.results.get(kind).and_then(bytes);
     let broken = |e: stillpoint_samples::BytesError| format!("{}: {e}", camera.stage);
@@ -225,7 +225,7 @@ fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Res
             Pieces::split(Rejection::KIND, bytes).and_then(|p| p.view::<Rejection>()).map_err(broken)?;
         rejection = view.first().map(|r| r.reason().to_owned());
     }
-    Ok(View { origin, image, face, plane, hull, hull_area, rejection, captured: None })
+    Ok(PictureView { origin, image, face, plane, hull, hull_area, rejection, captured: None })
 }
 
 fn moved(p: [f32; 3], transform: Option<stillpoint_operator::frames::Rigid>) -> [f32; 3] {

@@ -43,7 +43,7 @@ impl RosGraph {
     }
 
     /// Tells something.
-    pub fn tell(&mut self, text: String, is_fault: bool) {
+    pub fn note(&mut self, text: String, is_fault: bool) {
         if self.events.len() < MOST_EVENTS {
             self.events.push_back(HostEvent { text, is_fault });
         }
@@ -58,15 +58,15 @@ impl RosGraph {
         match (kind, self.taken.get(&topic)) {
             (EndKind::Publisher, Some(due)) if is_here && *due != type_name => {
                 let text = format!("ROS 2: {node} publishes {topic} as {type_name}, and {due} is taken");
-                self.tell(text, true);
+                self.note(text, true);
             }
             (EndKind::Publisher, Some(_)) => {
                 let does = if is_here { "publishes" } else { "no longer publishes" };
-                self.tell(format!("ROS 2: {node} {does} {topic}"), false);
+                self.note(format!("ROS 2: {node} {does} {topic}"), false);
             }
             (EndKind::Subscription, _) if self.given.contains(&topic) => {
                 let does = if is_here { "takes" } else { "no longer takes" };
-                self.tell(format!("ROS 2: {node} {does} {topic}"), false);
+                self.note(format!("ROS 2: {node} {does} {topic}"), false);
             }
             _ => {}
         }
@@ -86,7 +86,7 @@ impl RosGraph {
     }
 
     /// Tells which of the topics that this node takes nobody publishes, and what there is of their types.
-    pub fn tell_missing(&mut self, domain: u32) {
+    pub fn report_missing(&mut self, domain: u32) {
         let mut missing = Vec::new();
         for (topic, due) in self.taken.iter().filter(|(topic, _)| !self.published.contains_key(*topic)) {
             let others: Vec<&str> = self
@@ -102,7 +102,7 @@ impl RosGraph {
             };
             missing.push(format!("ROS 2: nobody publishes {topic} in the domain {domain}; {there}"));
         }
-        missing.into_iter().for_each(|text| self.tell(text, true));
+        missing.into_iter().for_each(|text| self.note(text, true));
     }
 }
 
@@ -128,15 +128,15 @@ mod tests {
         graph.gives("/pose");
         graph.token(&token("MP", "%colour", IMAGE), true);
         graph.token("@ros2_lv/0/ab/0/0/NN/%/%cam/driver", true);
-        graph.tell_missing(0);
+        graph.report_missing(0);
         let due = "ROS 2: nobody publishes /depth in the domain 0; topics of sensor_msgs/msg/Image: /colour";
         assert_eq!(texts(&mut graph), [(due.to_owned(), true)]);
         graph.token(&token("MP", "%depth", IMAGE), true);
         graph.token(&token("MS", "%pose", IMAGE), true);
         graph.token(&token("MP", "%depth", IMAGE), false);
         graph.token(&token("MP", "%depth", CLOUD), true);
-        graph.tell_missing(0);
-        let told = [
+        graph.report_missing(0);
+        let reported = [
             ("ROS 2: /cam/driver publishes /depth", false),
             ("ROS 2: /cam/driver takes /pose", false),
             ("ROS 2: /cam/driver no longer publishes /depth", false),
@@ -145,7 +145,7 @@ mod tests {
                 true,
             ),
         ];
-        assert_eq!(texts(&mut graph), told.map(|(text, is_fault)| (text.to_owned(), is_fault)));
+        assert_eq!(texts(&mut graph), reported.map(|(text, is_fault)| (text.to_owned(), is_fault)));
     }
 
     #[test]

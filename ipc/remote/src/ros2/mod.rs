@@ -211,7 +211,7 @@ impl Ros2Publisher {
     }
 
     /// Whether somebody takes the topic.
-    pub fn is_heard(&self) -> bool {
-        self.outbox.is_heard()
+    pub fn has_listener(&self) -> bool {
+        self.outbox.has_listener()
     }
 }

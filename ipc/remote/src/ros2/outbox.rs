@@ -22,7 +22,7 @@ struct State {
     waiting: VecDeque<Vec<u8>>,
     bytes: usize,
     sent: Sent,
-    is_heard: bool,
+    has_listener: bool,
 }
 
 impl State {
@@ -56,7 +56,7 @@ impl Outbox {
                 state.sent.put += 1;
                 state.sent.refused += 1;
             }
-            Some(_) if !state.is_heard => state.sent.unheard += 1,
+            Some(_) if !state.has_listener => state.sent.unheard += 1,
             Some(message) => {
                 state.bytes += message.len();
                 state.waiting.push_back(message);
@@ -69,19 +69,19 @@ impl Outbox {
     }
 
     /// States whether somebody takes the topic. What waits for nobody is dropped: it would come as a flood later.
-    pub fn set_heard(&self, is_heard: bool) {
+    pub fn set_has_listener(&self, has_listener: bool) {
         let mut state = self.state();
-        if !is_heard {
+        if !has_listener {
             state.sent.unheard += state.waiting.len() as u64;
             state.waiting.clear();
             state.bytes = 0;
         }
-        state.is_heard = is_heard;
+        state.has_listener = has_listener;
     }
 
     /// Whether somebody takes the topic.
-    pub fn is_heard(&self) -> bool {
-        self.state().is_heard
+    pub fn has_listener(&self) -> bool {
+        self.state().has_listener
     }
 
     /// The oldest message that waits, to be put.
@@ -114,7 +114,7 @@ mod tests {
     fn every_message_is_in_one_count() {
         let outbox = outbox();
         outbox.offer(Some(vec![1]));
-        outbox.set_heard(true);
+        outbox.set_has_listener(true);
         outbox.offer(None);
         (0..70).for_each(|n| outbox.offer(Some(vec![n])));
         // The newest 64 wait.
@@ -122,7 +122,7 @@ mod tests {
         let sent = outbox.sent();
         assert_eq!((sent.offered, sent.replaced, sent.unheard, sent.put, sent.waiting), (72, 6, 1, 2, 63));
         assert_eq!((sent.received, sent.refused), (1, 1));
-        outbox.set_heard(false);
+        outbox.set_has_listener(false);
         let sent = outbox.sent();
         assert_eq!(sent.offered, sent.replaced + sent.unheard + sent.put + sent.waiting);
         assert_eq!((sent.unheard, sent.waiting), (64, 0));
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn long_messages_wait_within_a_bound_of_bytes_and_the_newest_always_does() {
         let outbox = outbox();
-        outbox.set_heard(true);
+        outbox.set_has_listener(true);
         (0..9).for_each(|_| outbox.offer(Some(vec![0; 1 << 20])));
         assert_eq!((outbox.sent().waiting, outbox.sent().replaced), (4, 5));
         outbox.offer(Some(vec![0; 9 << 20]));

@@ -67,7 +67,7 @@ pub fn run(shared: &Arc<Shared>) {
             Ok(session) => {
                 let ended = Node::new(shared, session).and_then(|node| node.serve());
                 if let Err(error) = ended {
-                    lock(&shared.graph).tell(format!("ROS 2: {error}"), true);
+                    lock(&shared.graph).note(format!("ROS 2: {error}"), true);
                 }
             }
             Err(_) => {
@@ -75,7 +75,7 @@ pub fn run(shared: &Arc<Shared>) {
                     "ROS 2: no router is at {}, which is tried again each second: start `ros2 run rmw_zenoh_cpp rmw_zenohd`",
                     shared.settings.connect
                 );
-                lock(&shared.graph).tell(text, true);
+                lock(&shared.graph).note(text, true);
             }
         }
         wait(shared, EACH);
@@ -111,7 +111,7 @@ impl Gives {
         let _ = self.publisher.put(message).attachment(&attachment.to_bytes()[..]).wait();
     }
 
-    fn is_heard(&self) -> bool {
+    fn has_listener(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
     }
 }
@@ -136,7 +136,7 @@ impl<'s> Node<'s> {
         let Ros2Settings { connect, domain, node, .. } = &shared.settings;
         let place = NodePlace { domain: *domain, session: session.zid().to_string(), name: node.clone() };
         let text = format!("ROS 2: the node /{node} is connected to {connect}, domain {domain}");
-        lock(&shared.graph).tell(text, false);
+        lock(&shared.graph).note(text, false);
         let others = {
             let (shared, own) = (shared.clone(), place.session.clone());
             move |sample: zenoh::sample::Sample| {
@@ -172,7 +172,7 @@ impl<'s> Node<'s> {
             self.declare()?;
             let mut worked = false;
             for gives in &mut self.gives {
-                gives.outbox.set_heard(gives.is_heard());
+                gives.outbox.set_has_listener(gives.has_listener());
                 if let Some(message) = gives.outbox.next() {
                     gives.put(&message);
                     worked = true;
@@ -185,7 +185,7 @@ impl<'s> Node<'s> {
             }
             if !has_shown && opened.elapsed() >= SHOWING {
                 has_shown = true;
-                lock(&self.shared.graph).tell_missing(self.place.domain);
+                lock(&self.shared.graph).report_missing(self.place.domain);
             }
             if !worked {
                 wait(self.shared, EACH / 10);
@@ -204,7 +204,7 @@ impl<'s> Node<'s> {
                 true => format!("ROS 2: the router at {connect} is back"),
                 false => format!("ROS 2: the router at {connect} is gone"),
             };
-            lock(&self.shared.graph).tell(text, !is_here);
+            lock(&self.shared.graph).note(text, !is_here);
         }
     }
 
@@ -227,12 +227,12 @@ impl<'s> Node<'s> {
             lock(&self.shared.takings).iter().skip(self.takes.len()).cloned().collect();
         for taking in takings {
             let (taken, shared) = (taking.clone(), self.shared.clone());
-            let is_told = AtomicBool::new(false);
+            let is_reported = AtomicBool::new(false);
             let take = move |sample: zenoh::sample::Sample| {
                 let key = sample.key_expr().as_str();
                 let is_of_type = taken.topic.is_of(key);
-                if !is_of_type && !is_told.swap(true, Ordering::Relaxed) {
-                    lock(&shared.graph).tell(other_type(&taken.topic, key), true);
+                if !is_of_type && !is_reported.swap(true, Ordering::Relaxed) {
+                    lock(&shared.graph).note(other_type(&taken.topic, key), true);
                 }
                 let attachment = sample.attachment().map(|a| a.to_bytes());
                 (taken.take)(&Ros2Message {
@@ -267,7 +267,7 @@ impl<'s> Node<'s> {
 
 impl Drop for Node<'_> {
     fn drop(&mut self) {
-        self.gives.iter().for_each(|gives| gives.outbox.set_heard(false));
+        self.gives.iter().for_each(|gives| gives.outbox.set_has_listener(false));
         let _ = self.session.close().wait();
     }
 }

@@ -147,20 +147,20 @@ pub struct Fault {
 /// Faults as they are found.
 #[derive(Debug, Default)]
 pub struct Findings {
-    kept: RefCell<Vec<Fault>>,
+    retained: RefCell<Vec<Fault>>,
     more: std::cell::Cell<usize>,
 }
 
 impl Findings {
     /// Adds a fault.
     pub fn add(&self, span: Span, complaint: Complaint) {
-        let mut kept = self.kept.borrow_mut();
-        if kept.len() == MOST_FAULTS {
+        let mut retained = self.retained.borrow_mut();
+        if retained.len() == MOST_FAULTS {
             self.more.set(self.more.get() + 1);
             return;
         }
         let Complaint { code, message, help } = complaint;
-        kept.push(Fault { span, code, message, help });
+        retained.push(Fault { span, code, message, help });
     }
 
     /// Adds a fault in parts.
@@ -170,24 +170,24 @@ impl Findings {
 
     /// Whether more faults would only be counted, so that looking for suggestions is idle.
     pub fn is_full(&self) -> bool {
-        self.kept.borrow().len() >= MOST_FAULTS
+        self.retained.borrow().len() >= MOST_FAULTS
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.kept.borrow().is_empty()
+        self.retained.borrow().is_empty()
     }
 
     /// Whether there is one within a place.
     pub fn any_within(&self, span: Span) -> bool {
         let within =
             |f: &Fault| f.span.source == span.source && f.span.start >= span.start && f.span.end <= span.end;
-        self.kept.borrow().iter().any(within)
+        self.retained.borrow().iter().any(within)
     }
 
     /// The faults in the order of their places.
     pub fn into_faults(self, sources: Sources) -> Faults {
-        let mut list = self.kept.into_inner();
+        let mut list = self.retained.into_inner();
         list.sort_by(|a, b| (a.span, a.code, &a.message).cmp(&(b.span, b.code, &b.message)));
         list.dedup();
         Faults { sources, list, more: self.more.get() }

@@ -33,8 +33,8 @@ pub fn as_name(text: &str) -> Option<String> {
 
 /// The candidate that is most likely meant by `text`.
 pub fn nearest<'c>(text: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<&'c str> {
-    let wanted = folded(text);
-    let length = wanted.chars().count();
+    let requested = folded(text);
+    let length = requested.chars().count();
     if length == 0 || length > 2 * LONGEST_NAME {
         return None;
     }
@@ -43,18 +43,18 @@ pub fn nearest<'c>(text: &str, candidates: impl IntoIterator<Item = &'c str>) ->
         let name = folded(candidate);
         let other = name.chars().count();
         let shared_start =
-            length >= 3 && (name.starts_with(&wanted) || (other >= 3 && wanted.starts_with(&name)));
-        let last_part = length >= 3 && name.rsplit('.').next() == Some(wanted.as_str());
+            length >= 3 && (name.starts_with(&requested) || (other >= 3 && requested.starts_with(&name)));
+        let last_part = length >= 3 && name.rsplit('.').next() == Some(requested.as_str());
         let tolerated = (length.max(other) / 3).max(1);
         if length.abs_diff(other) > tolerated && !shared_start && !last_part {
             continue;
         }
-        let edits = strsim::osa_distance(&wanted, &name);
+        let edits = strsim::osa_distance(&requested, &name);
         if edits > tolerated && !shared_start && !last_part {
             continue;
         }
         let mut distance =
-            edits as f64 / length.max(other) as f64 + 0.5 * (1.0 - strsim::jaro_winkler(&wanted, &name));
+            edits as f64 / length.max(other) as f64 + 0.5 * (1.0 - strsim::jaro_winkler(&requested, &name));
         if shared_start || last_part {
             distance *= 0.6;
         }

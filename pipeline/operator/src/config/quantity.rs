@@ -104,28 +104,28 @@ fn in_dimension<'t>(
     text: &'t str,
     dimension: &'static Dimension,
 ) -> Result<(Decimal<'t>, &'static Unit), Complaint> {
-    let due = dimension.name;
+    let expected = dimension.name;
     let example = example(dimension);
-    let (decimal, written) = split(text).ok_or_else(|| not_a_number(text, due, &example))?;
+    let (decimal, written) = split(text).ok_or_else(|| not_a_number(text, expected, &example))?;
     if let Some(unit) = dimension.unit(written) {
         return Ok((decimal, unit));
     }
     if written.starts_with([',', '.', '-', '+', '_']) {
-        return Err(not_a_number(text, due, &example));
+        return Err(not_a_number(text, expected, &example));
     }
     let number = text.trim()[..text.trim().len() - written.len()].trim_end();
     let units = || dimension.units.iter().map(|u| u.symbol);
     if written.is_empty() {
         return Err(Complaint::new(
             Code::MissingUnit,
-            format!("{} has no unit, but {due} is due", shown(text)),
+            format!("{} has no unit, but {expected} is due", shown(text)),
             format!("write it with its unit: {}", one_of(&units().collect::<Vec<_>>(), number)),
         ));
     }
     if let Some((other, _)) = find(written) {
         return Err(Complaint::new(
             Code::WrongUnit,
-            format!("{} is {}, but {due} is due", shown(text), other.name),
+            format!("{} is {}, but {expected} is due", shown(text), other.name),
             format!("write it in {}", or(&units().collect::<Vec<_>>())),
         ));
     }
@@ -141,7 +141,7 @@ fn in_dimension<'t>(
     };
     Err(Complaint::new(
         Code::UnknownUnit,
-        format!("{} is not a unit, and {due} is due", shown(written)),
+        format!("{} is not a unit, and {expected} is due", shown(written)),
         help,
     ))
 }
@@ -195,14 +195,14 @@ fn too_large(text: &str, example: &str) -> Complaint {
     )
 }
 
-fn not_a_number(text: &str, due: &str, example: &str) -> Complaint {
+fn not_a_number(text: &str, expected: &str, example: &str) -> Complaint {
     let dotted = text.replacen(',', ".", 1);
     let help = if text.contains(',') && split(&dotted).is_some() {
         format!("write the decimal point as a point: `{}`", dotted.trim())
     } else {
-        format!("write {due}, for example `{example}`")
+        format!("write {expected}, for example `{example}`")
     };
-    Complaint::new(Code::NotANumber, format!("{} is not {due}", shown(text)), help)
+    Complaint::new(Code::NotANumber, format!("{} is not {expected}", shown(text)), help)
 }
 
 #[cfg(test)]

@@ -100,8 +100,8 @@ impl<'t> Mistake<'t> {
             return None;
         }
         let lines = self.places.text.split_inclusive('\n').enumerate().take(self.noticed.line - 1);
-        let is_said = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
-        let (number, line) = lines.filter(|(_, line)| is_said(line)).last()?;
+        let has_text = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
+        let (number, line) = lines.filter(|(_, line)| has_text(line)).last()?;
         let text = line.trim();
         if text.ends_with(':') || text.contains(": ") || text.starts_with(['-', '"', '\'']) {
             return None;

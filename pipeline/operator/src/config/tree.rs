@@ -68,46 +68,48 @@ impl Node {
     }
 
     /// Reports that another type is due here.
-    pub fn refuse(&self, what: &str, due: &str, findings: &Findings) {
+    pub fn refuse(&self, what: &str, expected: &str, findings: &Findings) {
         if !matches!(self.value, Value::Refused) {
             let found = self.value.words();
             let help = match self.value {
-                Value::Switch(on) if due == TEXT => format!("if it is a text, put it in quotes: `\"{on}\"`"),
-                _ => format!("write {due}"),
+                Value::Switch(on) if expected == TEXT => {
+                    format!("if it is a text, put it in quotes: `\"{on}\"`")
+                }
+                _ => format!("write {expected}"),
             };
-            let message = format!("{what} is {found}, but must be {due}");
+            let message = format!("{what} is {found}, but must be {expected}");
             findings.say(self.span, Code::WrongShape, message, help);
         }
     }
 
     /// The text of a scalar, or a fault.
-    pub fn scalar(&self, what: &str, due: &str, findings: &Findings) -> Option<&str> {
+    pub fn scalar(&self, what: &str, expected: &str, findings: &Findings) -> Option<&str> {
         match &self.value {
             Value::Text(t) => Some(t),
             _ => {
-                self.refuse(what, due, findings);
+                self.refuse(what, expected, findings);
                 None
             }
         }
     }
 
     /// The items of a sequence, or a fault.
-    pub fn list(&self, what: &str, due: &str, findings: &Findings) -> Option<&[Node]> {
+    pub fn list(&self, what: &str, expected: &str, findings: &Findings) -> Option<&[Node]> {
         match &self.value {
             Value::List(items) => Some(items),
             _ => {
-                self.refuse(what, due, findings);
+                self.refuse(what, expected, findings);
                 None
             }
         }
     }
 
     /// The entries of a mapping, or a fault.
-    pub fn map(&self, what: &str, due: &str, findings: &Findings) -> Option<&[Entry]> {
+    pub fn map(&self, what: &str, expected: &str, findings: &Findings) -> Option<&[Entry]> {
         match &self.value {
             Value::Map(entries) => Some(entries),
             _ => {
-                self.refuse(what, due, findings);
+                self.refuse(what, expected, findings);
                 None
             }
         }

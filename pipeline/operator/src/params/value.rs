@@ -70,14 +70,14 @@ fn scalar<T>(
     node: &Node,
     field: &ParamField,
     reader: &ParamReader<'_>,
-    due: &str,
+    expected: &str,
     read: impl FnOnce(&str) -> Result<T, Complaint>,
 ) -> Option<T> {
-    let text = node.scalar(&shown(field.name), due, reader.findings())?;
+    let text = node.scalar(&shown(field.name), expected, reader.findings())?;
     read(text).map_err(|c| reader.complain(node, field, c)).ok()
 }
 
-fn due(field: &ParamField, plain: &'static str) -> String {
+fn expected(field: &ParamField, plain: &'static str) -> String {
     match crate::config::units::find(field.unit) {
         Some((dimension, _)) => dimension.name.to_owned(),
         None => plain.to_owned(),
@@ -140,7 +140,7 @@ fn integer(text: &str, field: &ParamField, least: i128, greatest: i128) -> Resul
 impl ParamValue for f64 {
     const TYPE: ParamType = ParamType::Number;
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
-        scalar(node, field, reader, &due(field, "a number"), |text| number(text, field))
+        scalar(node, field, reader, &expected(field, "a number"), |text| number(text, field))
     }
     fn resolved(&self) -> Json {
         json!(self)
@@ -150,7 +150,7 @@ impl ParamValue for f64 {
 impl ParamValue for f32 {
     const TYPE: ParamType = ParamType::Number;
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
-        scalar(node, field, reader, &due(field, "a number"), |text| {
+        scalar(node, field, reader, &expected(field, "a number"), |text| {
             let value = number(text, field)? as f32;
             value.is_finite().then_some(value).ok_or_else(|| {
                 Complaint::new(
@@ -172,7 +172,7 @@ macro_rules! integers {
             const TYPE: ParamType =
                 ParamType::Integer { least: <$int>::MIN as i128, greatest: <$int>::MAX as i128 };
             fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
-                let value = scalar(node, field, reader, &due(field, "a whole number"), |text| {
+                let value = scalar(node, field, reader, &expected(field, "a whole number"), |text| {
                     integer(text, field, <$int>::MIN as i128, <$int>::MAX as i128)
                 })?;
                 Self::try_from(value).ok()
@@ -231,14 +231,14 @@ impl ParamValue for String {
 impl<T: ParamValue, const N: usize> ParamValue for [T; N] {
     const TYPE: ParamType = ParamType::List { of: &T::TYPE, len: Some(N) };
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
-        let due = format!("a list of {N}");
-        let items = node.list(&shown(field.name), &due, reader.findings())?;
+        let expected = format!("a list of {N}");
+        let items = node.list(&shown(field.name), &expected, reader.findings())?;
         if items.len() != N {
             reader.findings().say(
                 node.span,
                 Code::WrongShape,
                 format!("`{}` has {} items, but must have {N}", field.name, items.len()),
-                format!("write {due}"),
+                format!("write {expected}"),
             );
         }
         let read: Vec<Option<T>> = items.iter().map(|item| T::read(item, field, reader)).collect();

@@ -146,8 +146,8 @@ impl BridgeAccounts {
         }
         line.received = taken;
         // What a bridge handed over after its last counts has arrived, too.
-        let is_told = self.lives.iter().all(|life| life.is_last);
-        let arrived = if is_told { arrived } else { arrived.max(line.received + line.pool_exhausted) };
+        let is_reported = self.lives.iter().all(|life| life.is_last);
+        let arrived = if is_reported { arrived } else { arrived.max(line.received + line.pool_exhausted) };
         line.sent = arrived + line.refused + line.lost;
         line.overwritten = arrived.saturating_sub(line.received + line.pool_exhausted);
         line.unexplained = (line.received + line.pool_exhausted).saturating_sub(arrived);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use stillpoint_operator::outside::ClockOffset;
 use stillpoint_samples::SampleKind;
 use stillpoint_shm::{Domain, Listener, Publisher, ShmError, Subscriber, Topic};
-use stillpoint_transport::{LinkState, Receiver, Refusal, Sender};
+use stillpoint_transport::{LinkRefusal, LinkState, Receiver, Sender};
 
 use super::accounts::{ArrivedCounts, LeftCounts};
 use super::hello::{ArrivesFrom, Arriving, Leaving};
@@ -26,7 +26,7 @@ pub struct Outgoing {
     senders: Vec<(String, Box<dyn Sender>)>,
     /// By incarnation of the operator that sends it.
     taken: BTreeMap<u32, ShmAccount>,
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
     _topic: Topic,
 }
 
@@ -126,7 +126,7 @@ pub struct Incoming {
     landed: u64,
     /// Samples for which there was no room.
     pool_exhausted: u64,
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
     _topic: Topic,
 }
 
@@ -198,12 +198,12 @@ impl Incoming {
     }
 }
 
-fn new_refusal(state: Option<LinkState>, told: &mut Option<Refusal>) -> Option<String> {
+fn new_refusal(state: Option<LinkState>, reported: &mut Option<LinkRefusal>) -> Option<String> {
     let refusal = match state {
         Some(LinkState::Refused(refusal)) => Some(refusal),
         _ => None,
     };
-    let is_new = refusal.is_some() && refusal != *told;
-    told.clone_from(&refusal);
+    let is_new = refusal.is_some() && refusal != *reported;
+    reported.clone_from(&refusal);
     refusal.filter(|_| is_new).map(|r| r.to_string())
 }

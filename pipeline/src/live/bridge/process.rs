@@ -19,12 +19,12 @@ use crate::limits::start_thread;
 use crate::live::affinity::keep_off;
 use crate::live::control::{Connect, FromWorker, ToWorker};
 use crate::live::error::WorkerError;
-use crate::live::pipe::{PipeError, PipeRead, PipeReader, orders, take_control, tell, wait_for};
+use crate::live::pipe::{PipeError, PipeRead, PipeReader, orders, send_message, take_control, wait_for};
 use crate::live::run_folder::hold;
 use crate::live::worker::{end_with_supervisor, ignore_interrupts};
 
 /// How often the counts are told, and what happened on the network.
-const TOLD: Duration = Duration::from_millis(100);
+const REPORTED: Duration = Duration::from_millis(100);
 /// How long the end of a run waits until the other hosts have said what they have.
 const SETTLING: Duration = Duration::from_secs(2);
 
@@ -39,7 +39,7 @@ pub fn bridge_main(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let (operator, reason) = (BRIDGE.to_owned(), error.to_string());
-            let _ = tell(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
+            let _ = send_message(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
             ExitCode::from(70)
         }
     }
@@ -84,12 +84,12 @@ fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) 
         network,
         wake,
         bell,
-        told: BTreeSet::new(),
+        reported: BTreeSet::new(),
         running: false,
         stopping: None,
         stopped: false,
     };
-    tell(&FromWorker::Made)?;
+    send_message(&FromWorker::Made)?;
     bridge.serve(&mut orders)
 }
 
@@ -103,7 +103,7 @@ struct Bridge {
     bell: Arc<OwnedFd>,
     running: bool,
     /// The faults that were told since something good happened.
-    told: BTreeSet<String>,
+    reported: BTreeSet<String>,
     /// Since when it is to stop.
     stopping: Option<Instant>,
     stopped: bool,
@@ -111,7 +111,7 @@ struct Bridge {
 
 impl Bridge {
     fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
-        let mut told = Instant::now();
+        let mut reported = Instant::now();
         loop {
             loop {
                 match orders.next()? {
@@ -121,9 +121,9 @@ impl Bridge {
                 }
             }
             let worked = self.running && self.pass()?;
-            if told.elapsed() >= TOLD {
-                told = Instant::now();
-                self.tell_news()?;
+            if reported.elapsed() >= REPORTED {
+                reported = Instant::now();
+                self.send_news()?;
                 if let Some(reason) =
                     self.network.renewal().filter(|_| self.running && self.stopping.is_none())
                 {
@@ -137,14 +137,14 @@ impl Bridge {
                 let settled = self.leaves.iter().all(|l| l.is_settled(&*self.network));
                 if settled || since.elapsed() >= SETTLING {
                     self.stopped = true;
-                    self.tell_news()?;
-                    tell(&FromWorker::Stopped)?;
+                    self.send_news()?;
+                    send_message(&FromWorker::Stopped)?;
                 }
             }
             if worked || self.wake.drain()? {
                 continue;
             }
-            let patience = if self.stopping.is_some() && !self.stopped { TOLD / 10 } else { TOLD };
+            let patience = if self.stopping.is_some() && !self.stopped { REPORTED / 10 } else { REPORTED };
             self.wake.wait(Some(patience.as_nanos() as u64))?;
             // Whatever rings from here on is for the next wait.
             let _ = rustix::io::read(&*self.bell, &mut [0; 8]);
@@ -156,7 +156,7 @@ impl Bridge {
             ToWorker::Connect(Connect { number }) => {
                 self.leaves.iter().try_for_each(Outgoing::connect)?;
                 self.arrives.iter().try_for_each(Incoming::connect)?;
-                Ok(tell(&FromWorker::Connected { number: *number })?)
+                Ok(send_message(&FromWorker::Connected { number: *number })?)
             }
             ToWorker::Go { .. } => {
                 self.running = true;
@@ -185,26 +185,26 @@ impl Bridge {
         Ok(worked)
     }
 
-    fn tell_news(&mut self) -> Result<(), PipeError> {
+    fn send_news(&mut self) -> Result<(), PipeError> {
         let mut faults = Vec::new();
         for event in self.network.events() {
             if event.is_fault {
                 faults.push(event.text);
             } else {
-                self.told.clear();
-                tell(&FromWorker::Told(event.text))?;
+                self.reported.clear();
+                send_message(&FromWorker::Reported(event.text))?;
             }
         }
         faults.extend(self.leaves.iter_mut().filter_map(Outgoing::refusal));
         faults.extend(self.arrives.iter_mut().filter_map(Incoming::refusal));
         for reason in faults {
             // What keeps a host out keeps each of its edges out.
-            if self.told.insert(reason.clone()) {
+            if self.reported.insert(reason.clone()) {
                 fault(reason)?;
             }
         }
         let network = &*self.network;
-        tell(&FromWorker::Bridged(BridgeReport {
+        send_message(&FromWorker::Bridged(BridgeReport {
             leaves: self.leaves.iter().map(|l| l.counts(network)).collect(),
             arrives: self.arrives.iter().map(|a| a.counts(network)).collect(),
             is_last: self.stopped,
@@ -213,5 +213,5 @@ impl Bridge {
 }
 
 fn fault(reason: String) -> Result<(), PipeError> {
-    tell(&FromWorker::Fault { operator: BRIDGE.to_owned(), incarnation: 0, reason, fatal: false })
+    send_message(&FromWorker::Fault { operator: BRIDGE.to_owned(), incarnation: 0, reason, fatal: false })
 }

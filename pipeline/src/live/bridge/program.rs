@@ -30,8 +30,8 @@ fn build() -> String {
 
 /// How the bridge of a run is started.
 pub fn bridge_launch(launch: &Launch) -> Result<Launch, BridgeMissing> {
-    let beside = || launch.program.with_file_name(PROGRAM);
-    let program = std::env::var_os(BRIDGE_VARIABLE).map_or_else(beside, PathBuf::from);
+    let sibling = || launch.program.with_file_name(PROGRAM);
+    let program = std::env::var_os(BRIDGE_VARIABLE).map_or_else(sibling, PathBuf::from);
     if !program.is_file() {
         return Err(BridgeMissing { place: program });
     }

@@ -31,14 +31,14 @@ impl Ros2Def {
         let node = graph.ros2.as_ref()?;
         let is_part = graph.publishes().next().is_some() || graph.subscribes().next().is_some();
         let frames = session::static_transforms(graph);
-        let tells_frames = !frames.is_empty() && graph.publishes().next().is_some();
+        let sends_frames = !frames.is_empty() && graph.publishes().next().is_some();
         let longest = graph.subscribes().flat_map(|o| &graph.operators[o].subscriptions).map(|s| s.longest);
         is_part.then(|| Self {
             longest: longest.max().unwrap_or(0),
             connect: node.connect.clone(),
             domain: node.domain,
             node: stillpoint_ros2::node_name(&graph.name),
-            frames: if tells_frames { static_frames(&frames) } else { Vec::new() },
+            frames: if sends_frames { static_frames(&frames) } else { Vec::new() },
         })
     }
 }

@@ -28,9 +28,9 @@ impl Spare {
     }
 
     pub fn put(&self, buffer: Vec<u8>) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() < SPARE {
-            kept.push(buffer);
+        let mut retained = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if retained.len() < SPARE {
+            retained.push(buffer);
         }
     }
 }

@@ -37,7 +37,7 @@ impl Supervisor {
         let workers = self.workers.iter_mut().filter_map(|w| w.child.as_mut());
         let mut workers: Vec<&mut Child> = workers.filter(|c| c.made).collect();
         // A worker in a long step connects when it comes back.
-        let _ = connect(&mut workers, number, CONNECT_PATIENCE, &mut self.told);
+        let _ = connect(&mut workers, number, CONNECT_PATIENCE, &mut self.reported);
         number
     }
 
@@ -46,7 +46,7 @@ impl Supervisor {
     pub(super) fn check_recorder(&mut self) {
         let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) else { return };
         // It may have answered while others were waited for.
-        recorder.listen(&mut self.told);
+        recorder.listen(&mut self.reported);
         if recorder.silence() > RECORDER_PATIENCE {
             recorder.kill_unresponsive(recorder.silence());
         } else if recorder.is_idle_for(RECORDER_ASKED) {
@@ -63,7 +63,7 @@ impl Supervisor {
     pub(super) fn wait_for_recorder_ports(&mut self, mut hurried: impl FnMut() -> bool) {
         let Some(recorder) = &mut self.recorder else { return };
         while !recorder.made && !recorder.is_gone() && recorder.silence() < RECORDER_PATIENCE && !hurried() {
-            recorder.wait(POLL_INTERVAL, &mut self.told, |c| c.made);
+            recorder.wait(POLL_INTERVAL, &mut self.reported, |c| c.made);
         }
     }
 
@@ -79,7 +79,7 @@ impl Supervisor {
             if recorder.made && recorder.ordered < number {
                 recorder.order_connect(number, ToRecorder::Connect);
             }
-            recorder.wait(POLL_INTERVAL, &mut self.told, |c| {
+            recorder.wait(POLL_INTERVAL, &mut self.reported, |c| {
                 c.connected >= number || (c.made && c.ordered < number)
             });
         }

@@ -58,7 +58,7 @@ impl Supervisor {
             records = self.connect_recorder(&mut signals);
         }
         self.read_journals();
-        self.tell_faults(run);
+        self.report_faults(run);
         self.take_counts();
         let mut ledger = self.ledger.lines(&self.graph);
         if self.bridge.is_some() {
@@ -84,11 +84,11 @@ impl Supervisor {
         }
         for worker in &mut self.workers {
             if let Some(mut child) = worker.child.take() {
-                child.tell(&ToWorker::Exit);
+                child.send_message(&ToWorker::Exit);
                 child.reap(Duration::from_secs(10));
             }
         }
-        self.tell_faults(run);
+        self.report_faults(run);
         report.faults = std::mem::take(&mut self.faults);
         report
     }
@@ -97,7 +97,7 @@ impl Supervisor {
     fn end_level(&mut self, level: &[usize], signals: &mut StopSignals) -> Vec<String> {
         for index in level {
             if let Some(child) = &mut self.workers[*index].child {
-                child.tell(&ToWorker::Stop);
+                child.send_message(&ToWorker::Stop);
             }
         }
         let begun = Instant::now();
@@ -107,7 +107,7 @@ impl Supervisor {
         {
             self.read_journals();
             if let Some(child) = &mut self.workers[*index].child {
-                child.wait(POLL_INTERVAL, &mut self.told, |c| c.stopped);
+                child.wait(POLL_INTERVAL, &mut self.reported, |c| c.stopped);
             }
         }
         // Other processes may have stopped during the wait for one.
@@ -162,7 +162,7 @@ impl Supervisor {
         };
         if answers {
             let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
-            recorder.tell(&ToRecorder::Finish {
+            recorder.send_message(&ToRecorder::Finish {
                 ledger,
                 gaps: self.gaps(report),
                 recorder_deaths: self.recorder_deaths,
@@ -172,9 +172,9 @@ impl Supervisor {
         let begun = Instant::now();
         // Many samples may wait for a slow disk, so the recorder has more time than the workers. A signal abandons the wait.
         while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !signals.abandon_wait() {
-            recorder.wait(POLL_INTERVAL, &mut self.told, Child::has_said);
-            while let Some(said) = recorder.next() {
-                if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = said {
+            recorder.wait(POLL_INTERVAL, &mut self.reported, Child::has_answered);
+            while let Some(message) = recorder.next() {
+                if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = message {
                     recorder.reap(STOP_PATIENCE);
                     return Ok(Some(Recorded { part, samples, bytes, cpu_ns, lost }));
                 }

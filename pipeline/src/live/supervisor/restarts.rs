@@ -89,11 +89,13 @@ impl Supervisor {
     /// policy ends it.
     fn answer_panics(&mut self, index: usize, now: u64) -> Option<String> {
         let Worker { child: Some(child), restarts, .. } = &mut self.workers[index] else { return None };
-        for (name, said) in std::mem::take(&mut child.panicked) {
+        for (name, message) in std::mem::take(&mut child.panicked) {
             match (restarts.failed(now), self.graph.operator(&name)) {
-                (Answer::GiveUp(why), _) => return Some(format!("operator {name}: {said}; {why}")),
-                (Answer::Again { at }, Some(operator)) => child.tell(&ToWorker::Renew { operator, at }),
-                (Answer::Again { .. }, None) => {}
+                (Answer::GiveUp(why), _) => return Some(format!("operator {name}: {message}; {why}")),
+                (Answer::RestartAt { at }, Some(operator)) => {
+                    child.send_message(&ToWorker::Renew { operator, at })
+                }
+                (Answer::RestartAt { .. }, None) => {}
             }
         }
         None
@@ -101,11 +103,16 @@ impl Supervisor {
 
     /// Reaps a child that has exited, reports how it ended, and gives that text.
     pub(super) fn reap(&mut self, mut child: Child) -> String {
-        let (name, said) = (child.name.clone(), child.fatal_reason.take());
+        let (name, message) = (child.name.clone(), child.fatal_reason.take());
         let status = child.reap(Duration::from_secs(1));
         let reason = format!("process {name} ended: {}", how(status, is_full));
-        self.told.push(ReportedFault { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
-        said.map_or_else(|| reason.clone(), |said| format!("{reason} ({said})"))
+        self.reported.push(ReportedFault {
+            operator: name,
+            incarnation: 0,
+            reason: reason.clone(),
+            fatal: true,
+        });
+        message.map_or_else(|| reason.clone(), |message| format!("{reason} ({message})"))
     }
 
     /// Reaps a process that has exited, and has all others connect to the samples that it left. Its node is cleaned once the
@@ -119,13 +126,13 @@ impl Supervisor {
 
     /// Cleans the nodes of exited processes, except those to which the recorder has not connected yet.
     fn clean_dead_nodes_that_are_read(&mut self) {
-        let (kept, known): (Vec<_>, Vec<_>) =
+        let (retained, known): (Vec<_>, Vec<_>) =
             std::mem::take(&mut self.dead).into_iter().partition(|dead| !self.is_recorder_at(dead.began));
         if !known.is_empty() {
             self.read_journals();
-            self.domain.clean_dead_nodes(&kept.iter().map(|dead| dead.pid).collect::<Vec<_>>());
+            self.domain.clean_dead_nodes(&retained.iter().map(|dead| dead.pid).collect::<Vec<_>>());
         }
-        self.dead = kept;
+        self.dead = retained;
     }
 
     /// Whether a process died and its node is not cleaned yet.
@@ -143,7 +150,7 @@ impl Supervisor {
         worker.went = false;
         match worker.restarts.failed(now) {
             Answer::GiveUp(why) => Some(format!("{reason}; {why}")),
-            Answer::Again { at } => {
+            Answer::RestartAt { at } => {
                 worker.due = Some(at);
                 None
             }
@@ -166,7 +173,7 @@ impl Supervisor {
         let Some(child) = self.recorder.take() else { return };
         self.recorder_exit = Some(self.reap_and_reconnect(child, None, 0));
         self.recorder_deaths += 1;
-        if let Answer::Again { at } = self.recorder_restarts.failed(now) {
+        if let Answer::RestartAt { at } = self.recorder_restarts.failed(now) {
             self.recorder_due = Some(at);
         }
     }
@@ -200,7 +207,7 @@ impl Supervisor {
         let go = ToWorker::Go { epoch: self.epoch };
         for worker in self.workers.iter_mut().filter(|w| is_new(w)) {
             if let Some(child) = &mut worker.child {
-                child.tell(&go);
+                child.send_message(&go);
                 (worker.went, worker.greeted) = (true, number);
             }
         }
@@ -223,7 +230,7 @@ mod tests {
         let mut restarts = of_recorder();
         let mut now = 0;
         let mut wait = |calm: u64| match restarts.failed(now + calm) {
-            Answer::Again { at } => {
+            Answer::RestartAt { at } => {
                 let waited = at - now - calm;
                 now = at;
                 waited

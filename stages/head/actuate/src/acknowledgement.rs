@@ -25,7 +25,7 @@ use stillpoint_samples::FarEndDoing;
 
 use crate::key::{Key, MAC_SIZE};
 use crate::message::Session;
-use crate::refusal::Refusal;
+use crate::refusal::DatagramRefusal;
 use crate::sealed::{Form, eight};
 
 /// Version of the layout.
@@ -99,20 +99,20 @@ impl Acknowledgement {
     ///
     /// # Errors
     /// Why it is refused.
-    pub fn decode(bytes: &[u8], key: &Key) -> Result<Self, Refusal> {
-        let said = FORM.open(bytes, key)?;
+    pub fn decode(bytes: &[u8], key: &Key) -> Result<Self, DatagramRefusal> {
+        let description = FORM.open(bytes, key)?;
         // Only a holder of the key gets here.
         let doing = match bytes[5] {
             0 => FarEndDoing::Holding,
             1 => FarEndDoing::Venting,
             2 => FarEndDoing::Following,
-            _ => return Err(Refusal::Malformed),
+            _ => return Err(DatagramRefusal::Malformed),
         };
-        let (pressure, bladders) = FORM.numbers::<PRESSURES>(said);
+        let (pressure, bladders) = FORM.numbers::<PRESSURES>(description);
         if pressure.iter().any(|p| !p.is_finite()) {
-            return Err(Refusal::NotFinite);
+            return Err(DatagramRefusal::NotFinite);
         }
-        let number = |place: usize| eight(&said[8 + 8 * place..]);
+        let number = |place: usize| eight(&description[8 + 8 * place..]);
         let found = Self {
             doing,
             beam: bytes[6] == 1,
@@ -129,7 +129,7 @@ impl Acknowledgement {
         };
         // Of a session whose last number is n at most n + 1 orders can have been accepted.
         let counts = found.accepted <= found.sequence.saturating_add(1);
-        if bytes[6] > 1 || !counts { Err(Refusal::Malformed) } else { Ok(found) }
+        if bytes[6] > 1 || !counts { Err(DatagramRefusal::Malformed) } else { Ok(found) }
     }
 
     /// The measured pressures over that of the room, Pa; empty where none are measured.

@@ -53,11 +53,11 @@ impl Aim {
         }
         let holds = |place: usize| held >> place & 1 == 1;
         let pose = numbers(track, (3..6).any(holds));
-        let wanted = [target.position, target.angles];
+        let requested = [target.position, target.angles];
         let part = if is_on { 1.0 } else { tolerances.begin };
         for place in (0..6).filter(|place| holds(*place)) {
             let is_angle = place >= 3;
-            let plain = pose[place] - wanted[place / 3][place % 3];
+            let plain = pose[place] - requested[place / 3][place % 3];
             let error = if is_angle { libm::remainder(plain, core::f64::consts::TAU) } else { plain };
             aim.error[place] = error;
             let sd = track.covariance[13 * place].sqrt();

@@ -22,7 +22,7 @@
 
 use crate::key::{Key, MAC_SIZE};
 use crate::message::{LONGEST_LIFE, Message, Order, Receiving, Safe, Session, VALVES};
-use crate::refusal::Refusal;
+use crate::refusal::DatagramRefusal;
 use crate::sealed::{Form, eight, four};
 
 /// Version of the layout.
@@ -97,23 +97,23 @@ pub fn receiving(bytes: &[u8]) -> Option<Receiving> {
 ///
 /// # Errors
 /// Why it is refused.
-pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, Refusal> {
-    let said = FORM.open(bytes, key)?;
+pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, DatagramRefusal> {
+    let description = FORM.open(bytes, key)?;
     // Only a holder of the key gets here.
     let order = match bytes[6] {
         0 => Order::Hold,
         1 => Order::Vent,
         2 => Order::Follow,
-        _ => return Err(Refusal::Malformed),
+        _ => return Err(DatagramRefusal::Malformed),
     };
     let safe = match bytes[7] {
         0 => Safe::Hold,
         1 => Safe::Vent,
-        _ => return Err(Refusal::Malformed),
+        _ => return Err(DatagramRefusal::Malformed),
     };
-    let (duty, valves) = FORM.numbers::<VALVES>(said);
+    let (duty, valves) = FORM.numbers::<VALVES>(description);
     let message = Message {
-        receiving: receiving_of(bytes[5]).ok_or(Refusal::Malformed)?,
+        receiving: receiving_of(bytes[5]).ok_or(DatagramRefusal::Malformed)?,
         order,
         safe,
         session: Session { started: eight(&bytes[8..]), nonce: eight(&bytes[16..]) },
@@ -125,16 +125,16 @@ pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, Refusal> {
         duty,
     };
     if duty.iter().any(|d| !d.is_finite()) {
-        return Err(Refusal::NotFinite);
+        return Err(DatagramRefusal::NotFinite);
     }
     if !duty.iter().all(|d| is_duty(*d)) {
-        return Err(Refusal::OutOfRange);
+        return Err(DatagramRefusal::OutOfRange);
     }
     if !is_life(message.life) {
-        return Err(Refusal::Life);
+        return Err(DatagramRefusal::Life);
     }
     if bytes[49..52] != [0; 3] || !is_sound(&message) {
-        return Err(Refusal::Malformed);
+        return Err(DatagramRefusal::Malformed);
     }
     Ok(message)
 }

@@ -5,7 +5,7 @@ use crate::datagram::receiving;
 use crate::key::Key;
 use crate::message::{Receiving, Session};
 use crate::receiver::{Act, Receiver, Receives};
-use crate::refusal::{Counts, Refusal};
+use crate::refusal::{Counts, DatagramRefusal};
 
 /// What valves and beam are to do now.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,7 @@ impl FarEnd {
     ///
     /// # Errors
     /// Why they are refused; it is counted.
-    pub fn receive(&mut self, bytes: &[u8], arrival: u64) -> Result<Receiving, Refusal> {
+    pub fn receive(&mut self, bytes: &[u8], arrival: u64) -> Result<Receiving, DatagramRefusal> {
         let receiver = match receiving(bytes) {
             Some(Receiving::Beam) => &mut self.beam,
             // What is for nobody is the valves' to count.

@@ -10,10 +10,10 @@ use stillpoint_samples::ActuationReason as Reason;
 use crate::acknowledgement::Acknowledgement;
 use crate::key::Key;
 use crate::message::Session;
-use crate::refusal::Refusal;
+use crate::refusal::DatagramRefusal;
 
 /// How long lost orders stand among the reasons, ns.
-const TOLD_FOR: u64 = 1_000_000_000;
+const REPORTED_FOR: u64 = 1_000_000_000;
 
 /// When the far end counts as silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Params)]
@@ -51,45 +51,52 @@ impl FarWatch {
     ///
     /// # Errors
     /// Why they are refused.
-    pub fn take(&mut self, bytes: &[u8], own: Session, sent: u64, now: u64) -> Result<(), Refusal> {
-        let heard = self.accepted(bytes, own, sent).inspect_err(|_| self.refused += 1)?;
+    pub fn take(&mut self, bytes: &[u8], own: Session, sent: u64, now: u64) -> Result<(), DatagramRefusal> {
+        let received = self.accepted(bytes, own, sent).inspect_err(|_| self.refused += 1)?;
         // Before its first order the far end has nothing to acknowledge.
-        let Some(heard) = heard else { return Ok(()) };
-        if let Some(last) = self.last.filter(|last| last.far != heard.far) {
+        let Some(received) = received else { return Ok(()) };
+        if let Some(last) = self.last.filter(|last| last.far != received.far) {
             self.before += last.accepted;
         }
-        let lost = (heard.sequence + 1).saturating_sub(self.before + heard.accepted);
+        let lost = (received.sequence + 1).saturating_sub(self.before + received.accepted);
         if lost > self.lost {
             (self.lost, self.lost_at) = (lost, Some(now));
         }
-        self.last = Some(heard);
+        self.last = Some(received);
         Ok(())
     }
 
-    fn accepted(&self, bytes: &[u8], own: Session, sent: u64) -> Result<Option<Acknowledgement>, Refusal> {
-        let heard = Acknowledgement::decode(bytes, &self.key)?;
-        if heard.session == Session::default() {
+    fn accepted(
+        &self,
+        bytes: &[u8],
+        own: Session,
+        sent: u64,
+    ) -> Result<Option<Acknowledgement>, DatagramRefusal> {
+        let received = Acknowledgement::decode(bytes, &self.key)?;
+        if received.session == Session::default() {
             return Ok(None);
         }
-        if heard.session != own {
-            return Err(Refusal::Recipient);
+        if received.session != own {
+            return Err(DatagramRefusal::Recipient);
         }
-        if heard.sequence >= sent {
-            return Err(Refusal::Malformed);
+        if received.sequence >= sent {
+            return Err(DatagramRefusal::Malformed);
         }
-        let Some(last) = &self.last else { return Ok(Some(heard)) };
-        if heard.far == last.far {
-            return match heard.number.cmp(&last.number) {
-                std::cmp::Ordering::Equal => Err(Refusal::Repeated),
-                std::cmp::Ordering::Less => Err(Refusal::Old),
-                std::cmp::Ordering::Greater if heard.sequence < last.sequence => Err(Refusal::Malformed),
-                std::cmp::Ordering::Greater => Ok(Some(heard)),
+        let Some(last) = &self.last else { return Ok(Some(received)) };
+        if received.far == last.far {
+            return match received.number.cmp(&last.number) {
+                std::cmp::Ordering::Equal => Err(DatagramRefusal::Repeated),
+                std::cmp::Ordering::Less => Err(DatagramRefusal::Old),
+                std::cmp::Ordering::Greater if received.sequence < last.sequence => {
+                    Err(DatagramRefusal::Malformed)
+                }
+                std::cmp::Ordering::Greater => Ok(Some(received)),
             };
         }
-        if heard.far.started <= last.far.started || heard.sequence <= last.sequence {
-            return Err(Refusal::OldSession);
+        if received.far.started <= last.far.started || received.sequence <= last.sequence {
+            return Err(DatagramRefusal::OldSession);
         }
-        Ok(Some(heard))
+        Ok(Some(received))
     }
 
     /// How old the newest acknowledged order is at `now`, ns; `None` before the first.
@@ -108,7 +115,7 @@ impl FarWatch {
     /// What else is out of order at `now`, ns.
     #[must_use]
     pub fn warnings(&self, now: u64) -> u32 {
-        let is_recent = self.lost_at.is_some_and(|at| now.saturating_sub(at) < TOLD_FOR);
+        let is_recent = self.lost_at.is_some_and(|at| now.saturating_sub(at) < REPORTED_FOR);
         if is_recent { Reason::ORDERS_LOST } else { 0 }
     }
 

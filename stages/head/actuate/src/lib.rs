@@ -50,7 +50,7 @@ pub use far_end::{Doing, FarEnd};
 pub use key::{Key, KeyError};
 pub use message::{Message, Order, Receiving, Safe, Session, VALVES};
 pub use receiver::{Act, Clock, Receiver, Receives};
-pub use refusal::{Counts, Refusal};
+pub use refusal::{Counts, DatagramRefusal};
 
 use stillpoint_operator::Stage;
 

@@ -44,7 +44,7 @@ use stillpoint_samples::FarEndDoing;
 use crate::datagram::decode;
 use crate::key::Key;
 use crate::message::{Message, Order, Receiving, Safe, VALVES};
-use crate::refusal::{Counts, Refusal};
+use crate::refusal::{Counts, DatagramRefusal};
 
 /// Whether stamps of datagrams and times of arrival are of one clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,7 +142,7 @@ impl Receiver {
     ///
     /// # Errors
     /// Why they are refused.
-    pub fn receive(&mut self, bytes: &[u8], arrival: u64) -> Result<&Message, Refusal> {
+    pub fn receive(&mut self, bytes: &[u8], arrival: u64) -> Result<&Message, DatagramRefusal> {
         match self.accepted(bytes, arrival) {
             Ok(accepted) => {
                 let (before, now) = (self.last.as_ref().map(|l| l.message), &accepted.message);
@@ -160,22 +160,22 @@ impl Receiver {
         }
     }
 
-    fn accepted(&self, bytes: &[u8], arrival: u64) -> Result<Accepted, Refusal> {
+    fn accepted(&self, bytes: &[u8], arrival: u64) -> Result<Accepted, DatagramRefusal> {
         let message = decode(bytes, &self.key)?;
         if message.receiving != self.receives.receiving {
-            return Err(Refusal::Recipient);
+            return Err(DatagramRefusal::Recipient);
         }
         if message.order == Order::Follow && message.valves != self.receives.valves {
-            return Err(Refusal::Valves);
+            return Err(DatagramRefusal::Valves);
         }
         let begins = match self.receives.clock {
             Clock::Own => arrival,
             Clock::Shared { within } => {
                 if message.stamp > arrival.saturating_add(within) {
-                    return Err(Refusal::Early);
+                    return Err(DatagramRefusal::Early);
                 }
                 if message.stamp.saturating_add(message.life) <= arrival {
-                    return Err(Refusal::Late);
+                    return Err(DatagramRefusal::Late);
                 }
                 message.stamp.min(arrival)
             }
@@ -185,8 +185,8 @@ impl Receiver {
         let present = &last.message;
         if message.session == present.session {
             return match message.sequence.cmp(&present.sequence) {
-                std::cmp::Ordering::Equal => Err(Refusal::Repeated),
-                std::cmp::Ordering::Less => Err(Refusal::Old),
+                std::cmp::Ordering::Equal => Err(DatagramRefusal::Repeated),
+                std::cmp::Ordering::Less => Err(DatagramRefusal::Old),
                 std::cmp::Ordering::Greater if arrival < last.ends => {
                     Ok(Accepted { message, ends, since: last.since })
                 }
@@ -194,18 +194,18 @@ impl Receiver {
             };
         }
         if message.session.started <= present.session.started {
-            return Err(Refusal::OldSession);
+            return Err(DatagramRefusal::OldSession);
         }
         if arrival < last.ends {
-            return Err(Refusal::SecondSender);
+            return Err(DatagramRefusal::SecondSender);
         }
         self.entered(message, ends, arrival)
     }
 
     /// Goes over to the session of a message.
-    fn entered(&self, message: Message, ends: u64, arrival: u64) -> Result<Accepted, Refusal> {
+    fn entered(&self, message: Message, ends: u64, arrival: u64) -> Result<Accepted, DatagramRefusal> {
         match message.order {
-            Order::Follow => Err(Refusal::InMotion),
+            Order::Follow => Err(DatagramRefusal::InMotion),
             Order::Hold | Order::Vent => Ok(Accepted { message, ends, since: arrival }),
         }
     }

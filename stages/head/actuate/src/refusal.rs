@@ -3,7 +3,7 @@
 /// Why a datagram is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[repr(usize)]
-pub enum Refusal {
+pub enum DatagramRefusal {
     /// Fewer bytes than any datagram has.
     #[error("too short")]
     TooShort,
@@ -63,7 +63,7 @@ pub enum Refusal {
     InMotion,
 }
 
-impl Refusal {
+impl DatagramRefusal {
     /// All, in the order of their numbers.
     pub const ALL: [Self; 19] = [
         Self::TooShort,
@@ -123,13 +123,13 @@ pub struct Counts {
     /// Accepted ones of the present session.
     pub in_session: u64,
     pub sessions: u64,
-    refused: [u64; Refusal::ALL.len()],
+    refused: [u64; DatagramRefusal::ALL.len()],
 }
 
 impl Counts {
     /// How many were refused for a reason.
     #[must_use]
-    pub fn refused(&self, why: Refusal) -> u64 {
+    pub fn refused(&self, why: DatagramRefusal) -> u64 {
         self.refused[why as usize]
     }
 
@@ -140,7 +140,7 @@ impl Counts {
     }
 
     /// Counts a refused one.
-    pub(crate) fn refuse(&mut self, why: Refusal) {
+    pub(crate) fn refuse(&mut self, why: DatagramRefusal) {
         self.refused[why as usize] += 1;
     }
 }

@@ -1,7 +1,7 @@
 //! What orders and acknowledgements share: the form of their datagrams, and the code at the end.
 
 use crate::key::{Key, MAC_SIZE};
-use crate::refusal::Refusal;
+use crate::refusal::DatagramRefusal;
 
 /// The form of a kind of datagram: a magic number, a version, a header, up to `most` numbers (`f32`, little-endian), and
 /// the HMAC-SHA-256 of all bytes before it.
@@ -35,35 +35,35 @@ impl Form {
     ///
     /// # Errors
     /// Why the datagram is refused.
-    pub fn open<'a>(&self, bytes: &'a [u8], key: &Key) -> Result<&'a [u8], Refusal> {
+    pub fn open<'a>(&self, bytes: &'a [u8], key: &Key) -> Result<&'a [u8], DatagramRefusal> {
         let shortest = self.header + MAC_SIZE;
         if bytes.len() < shortest {
-            return Err(Refusal::TooShort);
+            return Err(DatagramRefusal::TooShort);
         }
         if bytes.len() > shortest + 4 * self.most {
-            return Err(Refusal::TooLong);
+            return Err(DatagramRefusal::TooLong);
         }
         if bytes[..4] != self.magic {
-            return Err(Refusal::Foreign);
+            return Err(DatagramRefusal::Foreign);
         }
         if bytes[4] != self.version {
-            return Err(Refusal::Version);
+            return Err(DatagramRefusal::Version);
         }
         let count = usize::from(bytes[self.count]);
         if count > self.most || bytes.len() != shortest + 4 * count {
-            return Err(Refusal::Length);
+            return Err(DatagramRefusal::Length);
         }
-        let (said, code) = bytes.split_at(bytes.len() - MAC_SIZE);
-        if key.confirms(said, code) { Ok(said) } else { Err(Refusal::Forged) }
+        let (description, code) = bytes.split_at(bytes.len() - MAC_SIZE);
+        if key.confirms(description, code) { Ok(description) } else { Err(DatagramRefusal::Forged) }
     }
 
     /// The numbers of what [`open`](Self::open) gave, and how many they are; zero beyond them.
-    pub fn numbers<const N: usize>(&self, said: &[u8]) -> ([f32; N], usize) {
+    pub fn numbers<const N: usize>(&self, description: &[u8]) -> ([f32; N], usize) {
         let mut numbers = [0.0; N];
-        for (slot, bytes) in numbers.iter_mut().zip(said[self.header..].chunks_exact(4)) {
+        for (slot, bytes) in numbers.iter_mut().zip(description[self.header..].chunks_exact(4)) {
             *slot = f32::from_le_bytes(four(bytes));
         }
-        (numbers, (said.len() - self.header) / 4)
+        (numbers, (description.len() - self.header) / 4)
     }
 }
 

@@ -205,8 +205,8 @@ mod tests {
             (0..3).for_each(|i| moved[i] = b[(i, j)]);
             let own = decoupling.split(&moved);
             for (i, own) in own.iter().enumerate() {
-                let due = if i == j { b.column(j).norm() } else { 0.0 };
-                assert!((own - due).abs() < 1e-12, "{i} {j}: {own}");
+                let expected = if i == j { b.column(j).norm() } else { 0.0 };
+                assert!((own - expected).abs() < 1e-12, "{i} {j}: {own}");
             }
             let back = decoupling.join(&own);
             assert!(back.iter().zip(&moved).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");

@@ -68,7 +68,7 @@ pub struct Learned {
     elapsed: f64,
     duty: Vec<f64>,
     /// What the network said of the change of each channel.
-    said: Vec<f64>,
+    predicted: Vec<f64>,
 }
 
 impl Learned {
@@ -86,7 +86,7 @@ impl Learned {
             looks: 0,
             elapsed: 0.0,
             duty: vec![0.0; 2 * predictor.bladders()],
-            said: vec![0.0; predictor.network().outputs()],
+            predicted: vec![0.0; predictor.network().outputs()],
             predictor,
         }
     }
@@ -100,8 +100,8 @@ impl Learned {
     fn look(&mut self, m: &[f64], dt: f64, phi: &mut [f64]) {
         self.elapsed += dt;
         // A timer's period is a whole number of ns; sums of it are not quite.
-        let is_due = self.elapsed + 1e-6 >= self.predictor.sample_time();
-        if self.looks > 0 && is_due {
+        let is_time = self.elapsed + 1e-6 >= self.predictor.sample_time();
+        if self.looks > 0 && is_time {
             self.close();
         }
         if self.looks == 0 {
@@ -135,7 +135,7 @@ impl Learned {
             for sample in self.window.chunks_exact(inputs) {
                 self.predictor.network().step(sample, &mut self.memory);
             }
-            self.predictor.network().output(&self.memory, &mut self.said);
+            self.predictor.network().output(&self.memory, &mut self.predicted);
         }
     }
 
@@ -152,7 +152,9 @@ impl Learned {
     #[must_use]
     pub fn predicted_change(&self, channel: usize) -> Option<f64> {
         let full = self.complete == self.predictor.window();
-        full.then(|| self.said.get(channel).zip(self.predictor.change().get(channel)).map(|(y, s)| y * s))
-            .flatten()
+        full.then(|| {
+            self.predicted.get(channel).zip(self.predictor.change().get(channel)).map(|(y, s)| y * s)
+        })
+        .flatten()
     }
 }

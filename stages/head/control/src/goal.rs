@@ -159,8 +159,8 @@ impl Goal {
     pub fn ask(&mut self, values: &[f64], time: u64) {
         let mut to = [None; 6];
         self.values = [f64::NAN; 6];
-        for ((to, kept), value) in to.iter_mut().zip(&mut self.values).zip(values) {
-            (*to, *kept) = (Some(*value), *value);
+        for ((to, retained), value) in to.iter_mut().zip(&mut self.values).zip(values) {
+            (*to, *retained) = (Some(*value), *value);
         }
         if values.len() != self.params.channels.count() {
             self.asked += 1;
@@ -221,7 +221,7 @@ impl Goal {
 
     /// The target at a time. Times must not go back.
     pub fn at(&mut self, time: u64) -> TargetElement {
-        let said = TargetElement {
+        let published = TargetElement {
             asked: self.asked,
             refusal: self.refusal as u32,
             unreachable: self.unreachable,
@@ -229,14 +229,14 @@ impl Goal {
         };
         let Some((start, known)) = self.start else {
             self.standing = [f64::NAN; 6];
-            return said;
+            return published;
         };
         while let Some(planned) = self.params.moves.get(self.next).copied()
             && time.saturating_sub(known) >= planned.at
         {
             self.next += 1;
-            for (kept, to) in self.values.iter_mut().zip(planned.to) {
-                *kept = to.unwrap_or(f64::NAN);
+            for (retained, to) in self.values.iter_mut().zip(planned.to) {
+                *retained = to.unwrap_or(f64::NAN);
             }
             self.begin(&planned, time);
         }

@@ -35,12 +35,12 @@ pub enum IdentifiedError {
         timer: f64,
     },
     /// Its output has another unit.
-    #[error("its output is in {found}, and the channel in {due}: identify from the channel itself")]
+    #[error("its output is in {found}, and the channel in {expected}: identify from the channel itself")]
     Unit {
         /// The model's.
         found: String,
         /// The channel's.
-        due: &'static str,
+        expected: &'static str,
     },
     /// The output follows the input at once.
     #[error("its output depends on the input of the same moment (D = {0}): no controller can use that")]
@@ -70,7 +70,7 @@ impl Identified {
         }
         let found = &model.output().unit;
         if !found.is_empty() && found != unit {
-            return Err(IdentifiedError::Unit { found: found.clone(), due: unit });
+            return Err(IdentifiedError::Unit { found: found.clone(), expected: unit });
         }
         if model.d() != 0.0 {
             return Err(IdentifiedError::Feedthrough(model.d()));

@@ -81,10 +81,12 @@ impl Lqi {
             ("the weight of the integrators", &weights.integral, p, p),
             ("the weight of the inputs", &weights.effort, m, m),
         ];
-        for (what, matrix, due_rows, due_columns) in fits.into_iter().chain(weighed) {
+        for (what, matrix, expected_rows, expected_columns) in fits.into_iter().chain(weighed) {
             let (rows, columns) = matrix.shape();
-            if (rows, columns) != (due_rows, due_columns) {
-                return Err(RiccatiError::Shape { what, rows, columns, due_rows, due_columns }.into());
+            if (rows, columns) != (expected_rows, expected_columns) {
+                return Err(
+                    RiccatiError::Shape { what, rows, columns, expected_rows, expected_columns }.into()
+                );
             }
             if matrix.iter().any(|v| !v.is_finite()) {
                 return Err(RiccatiError::NotFinite(what).into());

@@ -30,22 +30,22 @@ pub enum NetworkError {
     #[error("a network needs at least one layer, of at least one input and one cell")]
     Empty,
     /// A matrix of another size.
-    #[error("{what} has {found} numbers where {due} are due")]
+    #[error("{what} has {found} numbers where {expected} are due")]
     Size {
         /// Name of the quantity.
         what: String,
         found: usize,
         /// Numbers that it must have.
-        due: usize,
+        expected: usize,
     },
     /// A number that is none.
     #[error("{0} has a number that is not finite")]
     NotFinite(String),
 }
 
-fn checked(what: impl Fn() -> String, numbers: &[f64], due: usize) -> Result<(), NetworkError> {
-    if numbers.len() != due {
-        return Err(NetworkError::Size { what: what(), found: numbers.len(), due });
+fn checked(what: impl Fn() -> String, numbers: &[f64], expected: usize) -> Result<(), NetworkError> {
+    if numbers.len() != expected {
+        return Err(NetworkError::Size { what: what(), found: numbers.len(), expected });
     }
     if numbers.iter().any(|v| !v.is_finite()) {
         return Err(NetworkError::NotFinite(what()));

@@ -49,8 +49,11 @@ impl Leg {
             }
         };
         let rate = rate / (self.over as f64 * 1e-9);
-        let way = |i: usize| self.to[i] - self.from[i];
-        (std::array::from_fn(|i| self.from[i] + part * way(i)), std::array::from_fn(|i| rate * way(i)))
+        let direction = |i: usize| self.to[i] - self.from[i];
+        (
+            std::array::from_fn(|i| self.from[i] + part * direction(i)),
+            std::array::from_fn(|i| rate * direction(i)),
+        )
     }
 
     /// Whether it is under way.

@@ -97,7 +97,7 @@ pub struct Mrac {
     k_r: Gains,
     theta: Gains,
     m: Column,
-    wanted: Column,
+    requested: Column,
     phi: Column,
     rates: Vec<f64>,
     compensation: Vec<f64>,
@@ -126,7 +126,7 @@ impl Mrac {
             k_r,
             theta,
             m: Column::zeros(),
-            wanted: Column::zeros(),
+            requested: Column::zeros(),
             phi: Column::zeros(),
             rates: vec![0.0; n],
             compensation: vec![0.0; n],
@@ -142,20 +142,20 @@ impl Mrac {
         self.features.restart();
     }
 
-    /// Uses the pose `m` and the target `wanted`, both counted from the start of control, in units of each channel's
+    /// Uses the pose `m` and the target `requested`, both counted from the start of control, in units of each channel's
     /// scale, and the errors from the reference model, `dt` seconds after the last step. It writes net duties into `net`,
     /// within -1 to 1. It does not allocate.
     pub fn step(
         &mut self,
         m: &[f64],
-        wanted: &[f64],
+        requested: &[f64],
         errors: &Errors<'_>,
         dt: f64,
         net: &mut [f64],
     ) -> Learning {
         let n = self.effect.channels();
         self.m.as_mut_slice()[..n].copy_from_slice(m);
-        self.wanted.as_mut_slice()[..n].copy_from_slice(wanted);
+        self.requested.as_mut_slice()[..n].copy_from_slice(requested);
         self.features.look(m, dt, self.phi.as_mut_slice());
         for (i, rate) in self.rates.iter_mut().enumerate() {
             *rate = errors.speed[i] - self.design.feedback * errors.predicted[i];
@@ -163,7 +163,7 @@ impl Mrac {
         self.effect.duties(&self.rates, net);
         for (j, (v, adapted)) in net.iter_mut().zip(&mut self.adapted).enumerate() {
             *adapted = self.k_y.demand(j, &self.m)
-                + self.k_r.demand(j, &self.wanted)
+                + self.k_r.demand(j, &self.requested)
                 + self.theta.demand(j, &self.phi);
             *v += *adapted;
         }
@@ -178,7 +178,7 @@ impl Mrac {
         }
         self.effect.duties(errors.seen, &mut self.drives);
         self.k_y.adapt(&self.m, &self.drives, dt);
-        self.k_r.adapt(&self.wanted, &self.drives, dt);
+        self.k_r.adapt(&self.requested, &self.drives, dt);
         self.theta.adapt(&self.phi, &self.drives, dt);
         Learning::On
     }

@@ -88,12 +88,12 @@ impl Predictor {
         if meaning.bladders > 8 {
             return Err(metadata("bladders", "must be at most 8".into()));
         }
-        for (name, found, due) in [
+        for (name, found, expected) in [
             ("the network's inputs", network.inputs(), n + 2 * meaning.bladders),
             ("the network's outputs", network.outputs(), outputs),
         ] {
-            if found != due {
-                return Err(NetworkError::Size { what: name.into(), found, due }.into());
+            if found != expected {
+                return Err(NetworkError::Size { what: name.into(), found, expected }.into());
             }
         }
         Ok(Self { network, meaning })

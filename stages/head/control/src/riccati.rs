@@ -41,16 +41,16 @@ pub struct Solution {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// Matrices that do not fit each other.
-    #[error("{what} is {rows} by {columns} where {due_rows} by {due_columns} is due")]
+    #[error("{what} is {rows} by {columns} where {expected_rows} by {expected_columns} is due")]
     Shape {
         /// Name of the quantity.
         what: &'static str,
         rows: usize,
         columns: usize,
         /// Rows that it must have.
-        due_rows: usize,
+        expected_rows: usize,
         /// Columns that it must have.
-        due_columns: usize,
+        expected_columns: usize,
     },
     /// A number that is none.
     #[error("{0} has a number that is not finite")]
@@ -79,16 +79,18 @@ pub enum RiccatiError {
 pub fn dlqr(given: &Regulator<'_>) -> Result<Solution, RiccatiError> {
     let Regulator { a, b, q, r, n } = *given;
     let (states, inputs) = (a.nrows(), b.ncols());
-    let due = [
+    let expected = [
         ("A", a, states, states),
         ("B", b, states, inputs),
         ("Q", q, states, states),
         ("R", r, inputs, inputs),
     ];
-    for (what, matrix, due_rows, due_columns) in due.into_iter().chain(n.map(|n| ("N", n, states, inputs))) {
+    for (what, matrix, expected_rows, expected_columns) in
+        expected.into_iter().chain(n.map(|n| ("N", n, states, inputs)))
+    {
         let (rows, columns) = matrix.shape();
-        if (rows, columns) != (due_rows, due_columns) {
-            return Err(RiccatiError::Shape { what, rows, columns, due_rows, due_columns });
+        if (rows, columns) != (expected_rows, expected_columns) {
+            return Err(RiccatiError::Shape { what, rows, columns, expected_rows, expected_columns });
         }
         if matrix.iter().any(|v| !v.is_finite()) {
             return Err(RiccatiError::NotFinite(what));

@@ -72,7 +72,7 @@ pub struct Rig(Option<Arc<dyn Mechanics>>);
 trait Mechanics: Debug + Send + Sync {
     fn channels(&self) -> &[usize];
     fn rates(&self) -> Result<Vec<[f64; 6]>, String>;
-    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay>;
+    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), Obstacle>;
     fn held(&self, moved: &[f64; 6], pressure: &[f64; BLADDERS]) -> (Held, usize);
 }
 
@@ -92,14 +92,14 @@ struct At<const D: usize, const B: usize, const N: usize> {
 /// What stands in the way of a target, and how far it could be reached: 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{why} (after {percent:.0} % of the way)", percent = part * 100.0)]
-pub struct InTheWay {
+pub struct Obstacle {
     /// The reason.
     pub why: Unreachable,
     /// How far.
     pub part: f64,
 }
 
-impl InTheWay {
+impl Obstacle {
     /// The bladder that stands in the way, by its number among the valves' pairs.
     #[must_use]
     pub fn bladder(&self) -> Option<usize> {
@@ -157,7 +157,7 @@ impl Rig {
     ///
     /// # Errors
     /// What stands in the way.
-    pub fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
+    pub fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), Obstacle> {
         self.0.as_ref().map_or(Ok(()), |at| at.check(from, to))
     }
 }
@@ -207,10 +207,10 @@ impl<const D: usize, const B: usize, const N: usize> Mechanics for At<D, B, N> {
         Ok((0..B).map(of_bladder).collect())
     }
 
-    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
+    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), Obstacle> {
         let pose = |moved: &[f64; 6]| SVector::from_fn(|i, _| self.rest[i] + moved[self.channels[i]]);
-        let way = self.plant.reach_along(&pose(from), &pose(to), PARTS, &Limits::RIG, &self.push);
-        way.map_err(|(part, why)| InTheWay { why, part })
+        let direction = self.plant.reach_along(&pose(from), &pose(to), PARTS, &Limits::RIG, &self.push);
+        direction.map_err(|(part, why)| Obstacle { why, part })
     }
 }
 

@@ -103,9 +103,9 @@ impl Tracking {
         for i in 0..pose.len() {
             self.seen[i] = pose[i] - self.past.model_at(then, i);
             self.predicted[i] = self.seen[i] + self.past.corrected_since(then - self.delay, self.clock, i);
-            let way = (target[i] - self.model.at()[i]) * left;
-            self.speed[i] = if pole.is_finite() { pole * way } else { 0.0 };
-            self.ahead[i] = target[i] - way;
+            let direction = (target[i] - self.model.at()[i]) * left;
+            self.speed[i] = if pole.is_finite() { pole * direction } else { 0.0 };
+            self.ahead[i] = target[i] - direction;
         }
         self.learn(then, dt);
     }
@@ -131,8 +131,8 @@ impl Tracking {
     /// the part of them that makes up for disturbances.
     pub fn acted(&mut self, moved: &[f64], compensation: &[f64]) {
         for (i, (moved, compensation)) in moved.iter().zip(compensation).enumerate() {
-            let beside = moved - self.speed[i];
-            self.past.order(i, beside - compensation, beside - self.motion[i]);
+            let excess = moved - self.speed[i];
+            self.past.order(i, excess - compensation, excess - self.motion[i]);
         }
     }
 
@@ -163,14 +163,14 @@ mod tests {
 
     /// A channel that integrates what is ordered `delay` s later, seen `age` s late, held by `-gain` times an error.
     /// Returns the greatest distance from the model in the last 5 s of 40.
-    fn worst(gain: f64, told: (f64, f64), of: impl Fn(&Errors<'_>) -> f64) -> f64 {
+    fn worst(gain: f64, reported: (f64, f64), of: impl Fn(&Errors<'_>) -> f64) -> f64 {
         let (dt, age, delay) = (0.01, 10, 10);
-        let mut tracking = Tracking::new(ReferenceModel::new(pole_of_rise(3.0), 1), told.1);
+        let mut tracking = Tracking::new(ReferenceModel::new(pole_of_rise(3.0), 1), reported.1);
         tracking.restart(&[0.0]);
         let (mut poses, mut orders, mut model) = (vec![0.2], vec![], vec![]);
         for k in 0..4000_usize {
             let pose = poses[k.saturating_sub(age)];
-            tracking.look(&[pose], told.0, &[1.0], dt);
+            tracking.look(&[pose], reported.0, &[1.0], dt);
             let errors = tracking.errors();
             let rate = errors.speed[0] - gain * of(&errors);
             orders.push(rate);

@@ -4,7 +4,7 @@ use std::io;
 
 use rustface::{ImageData, Model};
 
-use crate::view::{Area, Top, View, Viewing};
+use crate::view::{Area, Top, UprightImage, Viewing};
 
 /// Side of the smallest face that the model knows, in pixels.
 pub const SMALLEST: u32 = 40;
@@ -36,7 +36,7 @@ pub struct Face {
 /// Finds faces. It keeps no state from image to image.
 pub struct FaceDetector {
     model: Model,
-    view: View,
+    view: UprightImage,
 }
 
 impl FaceDetector {
@@ -45,7 +45,7 @@ impl FaceDetector {
     /// # Errors
     /// The model cannot be read: the program is damaged.
     pub fn new() -> io::Result<Self> {
-        Ok(Self { model: rustface::read_model(MODEL)?, view: View::default() })
+        Ok(Self { model: rustface::read_model(MODEL)?, view: UprightImage::default() })
     }
 
     /// The faces in an image of rows of `width` pixels, the most certain first. Of equally certain faces the one

@@ -34,7 +34,7 @@ pub struct Viewing {
 
 /// An image with upright heads, with its buffers.
 #[derive(Debug, Clone, Default)]
-pub struct View {
+pub struct UprightImage {
     reduced: Vec<u8>,
     pixels: Vec<u8>,
     /// Columns and rows of the reduced image before it is turned.
@@ -43,7 +43,7 @@ pub struct View {
     height: usize,
 }
 
-impl View {
+impl UprightImage {
     /// Takes an image of rows of `width` pixels. Columns and rows at the right and lower edge that do not fill a whole
     /// pixel of the view are left out.
     pub fn show(&mut self, image: &[u8], width: usize, viewing: &Viewing) {
@@ -128,7 +128,7 @@ mod tests {
     fn what_is_found_in_a_view_is_where_it_is_in_the_image() {
         for top in [Top::Up, Top::Right, Top::Down, Top::Left] {
             let viewing = Viewing { top, reduce: 1, margin: 2 };
-            let mut view = View::default();
+            let mut view = UprightImage::default();
             view.show(&image(), 6, &viewing);
             let [width, height] = view.size();
             let bright = |at: &usize| view.pixels()[*at] == 200;
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn the_top_of_a_head_is_up_in_a_view() {
         // A head whose top is the bright end.
-        let mut view = View::default();
+        let mut view = UprightImage::default();
         for (top, image, width) in [
             (Top::Up, [9, 5, 1], 1),
             (Top::Down, [1, 5, 9], 1),
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_smaller_view_has_the_means_of_squares() {
-        let mut view = View::default();
+        let mut view = UprightImage::default();
         let viewing = Viewing { top: Top::Up, reduce: 2, margin: 1 };
         view.show(&[0, 1, 4, 4, 7, 2, 3, 4, 4, 7, 9, 9, 9, 9, 9], 5, &viewing);
         assert_eq!((view.pixels(), view.size()), (&[2, 4, 0, 0, 0, 0][..], [3, 2]));

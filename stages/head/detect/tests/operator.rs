@@ -129,7 +129,7 @@ fn the_photographs_forehead_has_the_distance_of_its_pixels() {
          face: {{ use: detect.face, inputs: {{ image: grey.image }}, params: {{ top: left, smallest: 80, largest: 640 }} }}\n  \
          forehead: {{ use: track.forehead, inputs: {{ cloud: cloud.cloud, faces: face.faces }} }}\n"
     );
-    let run = run(&text, &registry(), &DiskFiles::beside(&folder.join("faces.yaml")), 300).unwrap();
+    let run = run(&text, &registry(), &DiskFiles::next_to(&folder.join("faces.yaml")), 300).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     assert_eq!(run.samples::<PointCloud>("cloud.cloud").len(), 1);

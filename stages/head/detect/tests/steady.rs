@@ -13,9 +13,9 @@ fn of_rounds(images: &[Vec<u8>], width: usize, params: &DetectParams) -> [u64; 2
         for image in images {
             let mut found = Vec::new();
             let taken = allocation_counter::measure(|| found = detector.find(image, width, params));
-            let kept = (found.capacity() * size_of::<stillpoint_detect::Face>()) as i64;
+            let retained = (found.capacity() * size_of::<stillpoint_detect::Face>()) as i64;
             // The first round grows the detector's own buffers.
-            assert!(round == 0 || taken.bytes_current == kept, "it grows in round {round}: {taken:?}");
+            assert!(round == 0 || taken.bytes_current == retained, "it grows in round {round}: {taken:?}");
             if round > 0 {
                 most = [most[0].max(taken.bytes_max), most[1].max(taken.count_total)];
             }

@@ -211,30 +211,30 @@ pub enum Fault {
 
 /// The items of a recording that are kept, and why the others are left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Kept<T> {
+pub struct Checked<T> {
     /// Those that are kept, in their order.
     pub items: Vec<T>,
     /// What is wrong with each of the others.
     pub left_out: Vec<String>,
 }
 
-impl<T> Kept<T> {
+impl<T> Checked<T> {
     /// Keeps the items without a fault.
     ///
     /// # Errors
     /// A fault of the parameters; a fault of an item where the reader is strict, or where no item is left.
     pub fn of(items: impl IntoIterator<Item = Result<T, Fault>>, strict: bool) -> Result<Self, String> {
-        let mut kept = Self { items: Vec::new(), left_out: Vec::new() };
+        let mut checked = Self { items: Vec::new(), left_out: Vec::new() };
         for item in items {
             match item {
-                Ok(item) => kept.items.push(item),
-                Err(Fault::Item(reason)) if !strict => kept.left_out.push(reason),
+                Ok(item) => checked.items.push(item),
+                Err(Fault::Item(reason)) if !strict => checked.left_out.push(reason),
                 Err(Fault::Item(reason) | Fault::Params(reason)) => return Err(reason),
             }
         }
-        match kept.items.is_empty() && !kept.left_out.is_empty() {
-            true => Err(kept.left_out.swap_remove(0)),
-            false => Ok(kept),
+        match checked.items.is_empty() && !checked.left_out.is_empty() {
+            true => Err(checked.left_out.swap_remove(0)),
+            false => Ok(checked),
         }
     }
 

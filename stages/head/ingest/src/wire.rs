@@ -15,7 +15,7 @@ const MOST_SENDERS: usize = 16;
 
 /// Why a message was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum WireRefusal {
     /// It has more bytes than the operator takes.
     TooLong,
     /// It is of another type.
@@ -46,7 +46,7 @@ pub enum Refusal {
     Scale,
 }
 
-impl Refusal {
+impl WireRefusal {
     /// All of them, in their order.
     pub const ALL: [Self; 14] = [
         Self::TooLong,
@@ -115,7 +115,7 @@ impl Refusal {
             }
             MessageError::Depth(Depth::Size { .. }) => Self::Size,
             MessageError::Cloud(_) | MessageError::Depth(_) => Self::NoDepth,
-            MessageError::Frame(_) => Self::OtherCamera,
+            MessageError::SelectedMessage(_) => Self::OtherCamera,
             MessageError::Scale(_) => Self::Scale,
             MessageError::TooLarge { .. } => Self::TooManyPoints,
             MessageError::Step(_) => return None,
@@ -149,16 +149,18 @@ impl Admission<'_> {
     ///
     /// # Errors
     /// Why it is refused.
-    pub fn admit(&self, message: &[u8], now: u64) -> Result<Option<u64>, Refusal> {
-        let mut reader = Reader::in_either_order(message).map_err(|_| Refusal::Damaged)?;
-        let (stamp, frame) = reader.foreign_header().map_err(|_| Refusal::Damaged)?;
-        if self.frame.is_some_and(|due| due != frame) {
-            return Err(Refusal::OtherFrame);
+    pub fn admit(&self, message: &[u8], now: u64) -> Result<Option<u64>, WireRefusal> {
+        let mut reader = Reader::in_either_order(message).map_err(|_| WireRefusal::Damaged)?;
+        let (stamp, frame) = reader.foreign_header().map_err(|_| WireRefusal::Damaged)?;
+        if self.frame.is_some_and(|expected| expected != frame) {
+            return Err(WireRefusal::OtherFrame);
         }
         match (self.clock, stamp) {
             (Clock::Arrival, _) => Ok(None),
-            (Clock::Stamp { .. }, None) => Err(Refusal::NoStamp),
-            (Clock::Stamp { ahead }, Some(stamp)) if stamp > now.saturating_add(ahead) => Err(Refusal::Ahead),
+            (Clock::Stamp { .. }, None) => Err(WireRefusal::NoStamp),
+            (Clock::Stamp { ahead }, Some(stamp)) if stamp > now.saturating_add(ahead) => {
+                Err(WireRefusal::Ahead)
+            }
             (Clock::Stamp { .. }, Some(stamp)) => Ok(Some(stamp)),
         }
     }
@@ -171,7 +173,7 @@ pub struct Counts {
     pub clouds: u64,
     /// Descriptions of the camera.
     pub camera_infos: u64,
-    refused: [u64; Refusal::ALL.len()],
+    refused: [u64; WireRefusal::ALL.len()],
     /// Messages that the numbers of their senders show to be missing.
     pub lost: u64,
     senders: u64,
@@ -179,15 +181,15 @@ pub struct Counts {
 
 impl Counts {
     /// Entries of [`metrics`](Self::metrics).
-    pub const METRICS: usize = 4 + Refusal::ALL.len();
+    pub const METRICS: usize = 4 + WireRefusal::ALL.len();
 
     /// Counts a message that was refused.
-    pub fn refuse(&mut self, refusal: Refusal) {
+    pub fn refuse(&mut self, refusal: WireRefusal) {
         self.refused[refusal as usize] += 1;
     }
 
     /// How many were refused for this reason.
-    pub fn refused(&self, refusal: Refusal) -> u64 {
+    pub fn refused(&self, refusal: WireRefusal) -> u64 {
         self.refused[refusal as usize]
     }
 
@@ -204,7 +206,7 @@ impl Counts {
             ("lost", self.lost),
             ("senders", self.senders),
         ];
-        let refused = Refusal::ALL.map(|refusal| (refusal.name(), self.refused(refusal)));
+        let refused = WireRefusal::ALL.map(|refusal| (refusal.name(), self.refused(refusal)));
         let mut all = first.into_iter().chain(refused);
         std::array::from_fn(|_| {
             let (name, count) = all.next().unwrap_or_default();
@@ -265,7 +267,7 @@ impl Intake {
     ///
     /// # Errors
     /// Why it was refused. [`counts`](Self::counts) has it then; what is accepted is counted by whoever makes the cloud.
-    pub fn accept<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, Refusal> {
+    pub fn accept<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, WireRefusal> {
         let accepted = self.look(bytes, now);
         match &accepted {
             Ok(Some(_)) => {}
@@ -275,27 +277,27 @@ impl Intake {
         accepted
     }
 
-    fn look<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, Refusal> {
-        let delivery = Delivery::parse(bytes).map_err(|_| Refusal::Damaged)?;
+    fn look<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, WireRefusal> {
+        let delivery = Delivery::parse(bytes).map_err(|_| WireRefusal::Damaged)?;
         let (attachment, message) = match delivery.content {
             Content::Message { attachment, message } => (attachment, message),
-            Content::TooLong => return Err(Refusal::TooLong),
-            Content::OtherType => return Err(Refusal::OtherType),
-            Content::Attachment => return Err(Refusal::Attachment),
+            Content::TooLong => return Err(WireRefusal::TooLong),
+            Content::OtherType => return Err(WireRefusal::OtherType),
+            Content::Attachment => return Err(WireRefusal::Attachment),
         };
-        let attachment = Attachment::parse(attachment).map_err(|_| Refusal::Attachment)?;
+        let attachment = Attachment::parse(attachment).map_err(|_| WireRefusal::Attachment)?;
         self.follow(&attachment);
         if self.has_camera && delivery.subscription == CAMERA_INFO {
             self.camera = Some(self.cameras.number(message).map_err(|error| match error {
-                CamerasError::TooLarge { .. } => Refusal::TooManyPoints,
-                CamerasError::Info(_) | CamerasError::TooMany => Refusal::CameraInfo,
+                CamerasError::TooLarge { .. } => WireRefusal::TooManyPoints,
+                CamerasError::Info(_) | CamerasError::TooMany => WireRefusal::CameraInfo,
             })?);
             return Ok(None);
         }
         let admission = Admission { frame: self.frame.as_deref(), clock: self.clock };
         let acquired = admission.admit(message, now)?.unwrap_or(delivery.arrived);
         let camera = match (self.has_camera, self.camera) {
-            (true, None) => return Err(Refusal::NoCameraInfo),
+            (true, None) => return Err(WireRefusal::NoCameraInfo),
             (true, Some(camera)) => camera,
             (false, _) => 0,
         };

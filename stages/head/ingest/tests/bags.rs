@@ -8,7 +8,7 @@ use std::io::Cursor;
 use proptest::prelude::*;
 use stillpoint_cdr::Writer;
 use stillpoint_ingest::INVALID_POINT;
-use stillpoint_ingest::bag::{self, Bag, Wanted};
+use stillpoint_ingest::bag::{self, Bag, Selected};
 use stillpoint_ingest::camera_info::{CameraInfo, Image};
 use stillpoint_ingest::depth::{Intrinsics, deproject};
 use stillpoint_ingest::depth_message::DepthMessage;
@@ -195,18 +195,18 @@ fn metres_that_were_quantised_by_their_inverse_come_back() {
 
 #[test]
 fn images_that_are_no_depth_are_refused_with_what_they_are() {
-    let said = |schema, bytes| {
+    let description = |schema, bytes| {
         let files = files(&[(
             "r.mcap",
             recording(&[("/d/camera_info", CAMERA, 1, pinhole()), ("/d/image", schema, 2, bytes)]),
         )]);
         refused("file: r.mcap, topic: /d/image", &files)
     };
-    let colour = said(IMAGE, image(2, "rgb8", false, 9, &[0; 18]));
+    let colour = description(IMAGE, image(2, "rgb8", false, 9, &[0; 18]));
     assert!(colour.contains("message 1 by time: its pixels are `rgb8`; a depth image has 16UC1"), "{colour}");
-    let jpeg = said(COMPRESSED, compressed("bgr8; jpeg compressed bgr8", &[0xff, 0xd8]));
+    let jpeg = description(COMPRESSED, compressed("bgr8; jpeg compressed bgr8", &[0xff, 0xd8]));
     assert!(jpeg.contains("its format is `bgr8; jpeg compressed bgr8`, and its bytes are no PNG"), "{jpeg}");
-    let short = said(IMAGE, image(2, "16UC1", false, 6, &[0; 11]));
+    let short = description(IMAGE, image(2, "16UC1", false, 6, &[0; 11]));
     assert!(short.contains("3 x 2 pixels of 2 bytes in rows of 6 do not fit 11 bytes"), "{short}");
 }
 
@@ -279,12 +279,12 @@ fn distortion_is_undone_and_what_cannot_be_is_refused() {
         .rays()
         .unwrap();
     assert_eq!(rays[2], [1.0 / 1000.0, -0.5 / 800.0]);
-    let said = |bytes: &[u8]| {
+    let description = |bytes: &[u8]| {
         CameraInfo::parse(bytes, Image::Raw).and_then(|info| info.rays().map(|_| ())).unwrap_err().to_string()
     };
-    let fish = said(&camera(3, "equidistant", &[0.1; 4], 0));
+    let fish = description(&camera(3, "equidistant", &[0.1; 4], 0));
     assert!(fish.contains("`equidistant` with 4 numbers is not known"), "{fish}");
-    let folded = said(&camera(3, "plumb_bob", &[-1e6, 0.0, 0.0, 0.0, 0.0], 0));
+    let folded = description(&camera(3, "plumb_bob", &[-1e6, 0.0, 0.0, 0.0, 0.0], 0));
     assert!(folded.contains("the distortion cannot be undone at column 0, row 0"), "{folded}");
     // Half of the pixels in a row, and half of the focal length.
     let binned = CameraInfo::parse(&camera(3, "plumb_bob", &[], 2), Image::Raw).unwrap();
@@ -404,13 +404,13 @@ fn of_a_recording_that_part_is_kept_that_is_read_and_it_reads_alike() {
     assert_eq!(cut.keys().collect::<Vec<_>>(), ["r.mcap"]);
     let (before, after) = (whole.files["r.mcap"].len(), cut["r.mcap"].len());
     assert!(after * 5 < before, "{after} of {before} bytes");
-    let kept = MemoryFiles { files: cut };
+    let checked = MemoryFiles { files: cut };
     for part in ["skip: 2, frames: 2", "skip: 5, frames: 1"] {
         let it = format!("file: r.mcap, topic: /d/image, pace: recorded, {part}");
         let read = |files| {
             clouds("1 ms", &it, files).unwrap().into_iter().map(|(o, p)| (o, bits(&p))).collect::<Vec<_>>()
         };
-        assert_eq!(read(&kept), read(&whole), "{part}");
+        assert_eq!(read(&checked), read(&whole), "{part}");
     }
     let bag = cut_of_folder();
     assert!(bag.files.keys().all(|name| name.ends_with(".mcap")), "{:?}", bag.files.keys());
@@ -421,12 +421,12 @@ fn cut_of_folder() -> MemoryFiles {
     let whole = two_files(METADATA);
     let of = params("bag/*", 1, Some(1));
     let cut = MemoryFiles { files: IngestMcap::cut_files(&[&of], &whole).unwrap() };
-    let mut kept = whole.clone();
-    kept.files.extend(cut.files.clone());
+    let mut checked = whole.clone();
+    checked.files.extend(cut.files.clone());
     let it = "file: bag, topic: /d/image, skip: 1, frames: 1";
     let read =
         |files| clouds("10 ms", it, files).unwrap().into_iter().map(|(_, p)| bits(&p)).collect::<Vec<_>>();
-    assert_eq!(read(&kept), read(&whole));
+    assert_eq!(read(&checked), read(&whole));
     cut
 }
 
@@ -469,8 +469,8 @@ proptest! {
             bytes.truncate(keep.max(20));
         }
         if let Ok(bag) = Bag::open(&files, "bag") {
-            let wanted = Wanted { topic: "/d/image", camera_info: None, skip: 0, frames: None };
-            if let Ok(selection) = bag::select(&bag, &wanted) {
+            let selected = Selected { topic: "/d/image", camera_info: None, skip: 0, frames: None };
+            if let Ok(selection) = bag::select(&bag, &selected) {
                 let _ = bag::cut(&bag, &[selection]);
             }
         }

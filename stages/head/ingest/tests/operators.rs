@@ -66,9 +66,9 @@ fn depth_files_become_clouds_in_the_order_of_their_names() {
     assert_eq!((sent[0].0, sent[0].1, sent[0].2[0]), (2, 1, [-0.01, 0.0, 1.0]));
     assert!(sent[0].2[1][2].is_nan());
     assert_eq!(sent[1].2[1], [0.0, 0.0, 2.0]);
-    let again = clouds(&it.replace("files: scans", "at_end: repeat, files: scans"), &files).unwrap();
-    assert_eq!(again.len(), 5);
-    assert_eq!(again[2].2[0], sent[0].2[0]);
+    let repeated = clouds(&it.replace("files: scans", "at_end: repeat, files: scans"), &files).unwrap();
+    assert_eq!(repeated.len(), 5);
+    assert_eq!(repeated[2].2[0], sent[0].2[0]);
 }
 
 #[test]

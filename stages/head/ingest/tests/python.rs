@@ -54,7 +54,7 @@ fn a_bag_that_rosbags_wrote_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let out = Command::new(python).args(["-c", WRITE]).arg(folder.path()).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let files = DiskFiles::beside(&folder.path().join("pipeline.yaml"));
+    let files = DiskFiles::next_to(&folder.path().join("pipeline.yaml"));
     let of = |bag: &str| {
         let text = format!(
             "stillpoint: 1\nname: bags\nframes: {{ camera: {{ parent: couch, at: [0 m, 0 m, 1 m] }} }}\noperators:\n  \

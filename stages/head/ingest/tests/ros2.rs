@@ -7,7 +7,7 @@ use std::io::Cursor;
 
 use proptest::prelude::*;
 use stillpoint_cdr::Writer;
-use stillpoint_ingest::wire::Refusal;
+use stillpoint_ingest::wire::WireRefusal;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_operator::outside::{Arrivals, Outside};
@@ -80,10 +80,10 @@ fn camera(width: u32, fx: f64) -> Vec<u8> {
 
 /// One message of a sender as the bridge hands it over.
 fn delivered(subscription: u32, sender: u8, sequence: u64, message: &[u8]) -> Vec<u8> {
-    let beside = Attachment { sequence, time: 5, gid: [sender; 16] }.to_bytes();
+    let neighbour = Attachment { sequence, time: 5, gid: [sender; 16] }.to_bytes();
     let mut bytes = Vec::new();
     let pieces = message.chunks(7);
-    Delivery::write(subscription, START + 3 * MS, Ok((&beside[..], pieces)), &mut bytes);
+    Delivery::write(subscription, START + 3 * MS, Ok((&neighbour[..], pieces)), &mut bytes);
     bytes
 }
 
@@ -94,8 +94,8 @@ fn put(arrivals: &Arrivals, mut bytes: Vec<u8>) {
 /// The counts that an activation told.
 fn counts(left: &Left) -> BTreeMap<String, u64> {
     assert_eq!(left.fault, None);
-    let told = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
-    let view = told.1.pieces().view::<Diagnostics>().unwrap();
+    let reported = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+    let view = reported.1.pieces().view::<Diagnostics>().unwrap();
     view.elements.iter().map(|m| (m.name().to_owned(), m.value as u64)).filter(|(_, n)| *n > 0).collect()
 }
 
@@ -140,9 +140,9 @@ fn an_image_becomes_the_cloud_that_a_recording_of_it_gives() {
     assert_eq!(clouds.len(), 1);
     assert_eq!(bits(&mut points.into_iter()), bits(&mut clouds[0].elements.iter().map(|p| p.xyz)));
     // The rehearsal counts as the wire does.
-    let told = played.samples::<Diagnostics>("it.diagnostics");
-    assert_eq!(told.len(), 1);
-    assert_eq!(told[0].elements.iter().map(|m| m.value as u64).collect::<Vec<_>>()[..2], [1, 1]);
+    let reported = played.samples::<Diagnostics>("it.diagnostics");
+    assert_eq!(reported.len(), 1);
+    assert_eq!(reported[0].elements.iter().map(|m| m.value as u64).collect::<Vec<_>>()[..2], [1, 1]);
 }
 
 fn recording(messages: &[(&str, &str, Vec<u8>)]) -> Vec<u8> {
@@ -176,19 +176,22 @@ fn every_refusal_is_counted_with_its_reason() {
     };
     let cut = millimetres(now)[..40].to_vec();
     let cases = [
-        (Refusal::TooLong, vec![refused(Content::TooLong)]),
-        (Refusal::OtherType, vec![refused(Content::OtherType)]),
-        (Refusal::Attachment, vec![refused(Content::Attachment)]),
-        (Refusal::Attachment, vec![unattached]),
-        (Refusal::Damaged, vec![vec![1, 2, 3]]),
-        (Refusal::Damaged, vec![of_camera.clone(), delivered(0, 2, 1, &cut)]),
-        (Refusal::NoDepth, vec![of_camera.clone(), delivered(0, 2, 1, &image(now, "rgb8", &[0; 18]))]),
-        (Refusal::NoStamp, vec![of_camera.clone(), delivered(0, 2, 1, &millimetres(0))]),
-        (Refusal::Ahead, vec![of_camera.clone(), delivered(0, 2, 1, &millimetres(START + 1000 * MS))]),
-        (Refusal::NoCameraInfo, vec![delivered(0, 2, 1, &millimetres(now))]),
-        (Refusal::CameraInfo, vec![delivered(1, 1, 1, &camera(3, 0.0))]),
-        (Refusal::Size, vec![delivered(1, 1, 1, &camera(4, 500.0)), delivered(0, 2, 1, &millimetres(now))]),
-        (Refusal::TooManyPoints, vec![delivered(1, 1, 1, &camera(5, 500.0))]),
+        (WireRefusal::TooLong, vec![refused(Content::TooLong)]),
+        (WireRefusal::OtherType, vec![refused(Content::OtherType)]),
+        (WireRefusal::Attachment, vec![refused(Content::Attachment)]),
+        (WireRefusal::Attachment, vec![unattached]),
+        (WireRefusal::Damaged, vec![vec![1, 2, 3]]),
+        (WireRefusal::Damaged, vec![of_camera.clone(), delivered(0, 2, 1, &cut)]),
+        (WireRefusal::NoDepth, vec![of_camera.clone(), delivered(0, 2, 1, &image(now, "rgb8", &[0; 18]))]),
+        (WireRefusal::NoStamp, vec![of_camera.clone(), delivered(0, 2, 1, &millimetres(0))]),
+        (WireRefusal::Ahead, vec![of_camera.clone(), delivered(0, 2, 1, &millimetres(START + 1000 * MS))]),
+        (WireRefusal::NoCameraInfo, vec![delivered(0, 2, 1, &millimetres(now))]),
+        (WireRefusal::CameraInfo, vec![delivered(1, 1, 1, &camera(3, 0.0))]),
+        (
+            WireRefusal::Size,
+            vec![delivered(1, 1, 1, &camera(4, 500.0)), delivered(0, 2, 1, &millimetres(now))],
+        ),
+        (WireRefusal::TooManyPoints, vec![delivered(1, 1, 1, &camera(5, 500.0))]),
     ];
     for (refusal, messages) in cases {
         let (mut bench, arrivals) = bench(IMAGE);
@@ -217,8 +220,8 @@ fn what_is_missing_shows_in_the_numbers_of_each_sender() {
     for (sender, sequence) in [(2, 40), (2, 41), (3, 7), (2, 45), (2, 45), (3, 8), (2, 46)] {
         messages.push(delivered(0, sender, sequence, &millimetres(START)));
     }
-    let told = counts(&after(&mut bench, &arrivals, &messages));
-    assert_eq!((told["clouds"], told["lost"], told["senders"]), (7, 3, 3));
+    let reported = counts(&after(&mut bench, &arrivals, &messages));
+    assert_eq!((reported["clouds"], reported["lost"], reported["senders"]), (7, 3, 3));
 }
 
 #[test]
@@ -261,8 +264,8 @@ proptest! {
             put(&arrivals, bytes);
             let left = bench.tick();
             prop_assert_eq!(left.fault.as_deref(), None);
-            let told = counts(&left);
-            let in_counts: u64 = told.iter().filter(|(name, _)| !["lost", "senders"].contains(&name.as_str())).map(|(_, n)| n).sum();
+            let reported = counts(&left);
+            let in_counts: u64 = reported.iter().filter(|(name, _)| !["lost", "senders"].contains(&name.as_str())).map(|(_, n)| n).sum();
             prop_assert_eq!(in_counts, given);
         }
     }

@@ -19,7 +19,7 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::Scene;
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::trajectory::{Motion, Trajectory, rest_on_pad};
-use stillpoint_rig::view::View;
+use stillpoint_rig::view::RenderedView;
 
 const FRAMES_TIMED: u32 = 300;
 
@@ -93,7 +93,7 @@ fn time(
 }
 
 /// Brighter where the surface faces the camera, and by label.
-fn shade(view: &View) -> Vec<u8> {
+fn shade(view: &RenderedView) -> Vec<u8> {
     let of_label = [60.0, 110.0, 150.0, 180.0, 255.0, 200.0];
     let pixels = view.label().iter().zip(view.cosine()).zip(view.depth_m());
     pixels

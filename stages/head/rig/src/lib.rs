@@ -1,6 +1,6 @@
 //! The virtual rig: a head on a couch, as a depth camera sees it.
 //!
-//! SI units and radians throughout. All modules but the operators and `sight` are plain mathematics that knows nothing
+//! SI units and radians throughout. All modules but the operators and `camera_view` are plain mathematics that knows nothing
 //! of pipelines.
 //!
 //! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
@@ -19,13 +19,14 @@
 //! - [`sensor`]: from a view to the depth image that a camera would give
 //! - [`involuntary`]: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
-//! - `sight`: all that makes an image, as one
+//! - `camera_view`: all that makes an image, as one
 //! - `operator`, `rig.camera`
 //! - `view_operator`, `rig.view`: further cameras over the same head
 //! - `bladders`: the head on air bladders: `rig.one_bladder`, `rig.three_bladders`, `rig.eight_bladders`
 
 mod bladders;
 pub mod camera;
+mod camera_view;
 pub mod head;
 pub mod involuntary;
 pub mod noise;
@@ -40,7 +41,6 @@ pub mod sensor;
 pub mod setting;
 mod shadow;
 pub mod shape;
-mod sight;
 pub mod trajectory;
 pub mod view;
 mod view_operator;
@@ -52,7 +52,7 @@ use stillpoint_operator::Stage;
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[
     Stage::of::<operator::Camera>(),
-    Stage::of::<view_operator::View>(),
+    Stage::of::<view_operator::CameraOperator>(),
     Stage::of::<BladderRig<0>>(),
     Stage::of::<BladderRig<1>>(),
     Stage::of::<BladderRig<2>>(),

@@ -4,8 +4,8 @@ use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
+use crate::camera_view::{COUCH, CameraView, ImageParams, Noise, Setting, exact_pose};
 use crate::setting;
-use crate::sight::{COUCH, ImageParams, Noise, Setting, Sight, exact_pose};
 use crate::trajectory::{self, Trajectory};
 
 const DEPTH: usize = 0;
@@ -64,7 +64,7 @@ impl CameraParams {
 
 /// The rig's camera. Its `frame:` places it over the couch.
 pub struct Camera {
-    sight: Sight,
+    camera_view: CameraView,
     script: Trajectory,
     /// Time of the first activation, ns: the script's zero.
     begin: Option<u64>,
@@ -97,7 +97,7 @@ impl Operator for Camera {
     fn new(params: CameraParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let rest = setting::Setting::from(params.setting).rest(params.head_scale);
         Ok(Self {
-            sight: Sight::new(&params.image(), params.setting, params.head_scale, setup)?,
+            camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, setup)?,
             script: Trajectory::new(params.motion.into(), params.seed, rest),
             begin: None,
         })
@@ -111,7 +111,7 @@ impl Operator for Camera {
         let begin = *self.begin.get_or_insert(activation.time);
         let seconds = activation.time.saturating_sub(begin) as f64 * 1e-9;
         let couch_from_head = self.script.couch_from_head(seconds);
-        self.sight.send(&couch_from_head, activation, outputs, DEPTH)?;
+        self.camera_view.send(&couch_from_head, activation, outputs, DEPTH)?;
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))
     }
 }

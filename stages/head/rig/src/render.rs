@@ -10,7 +10,7 @@ use crate::quadric::Quadric;
 use crate::ray::Ray;
 use crate::scene::{Label, Scene};
 use crate::shape::first_non_finite;
-use crate::view::{Rect, View};
+use crate::view::{Rect, RenderedView};
 
 /// The reason why an image cannot be rendered.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -33,8 +33,8 @@ pub struct Renderer {
     camera: Pinhole,
     camera_from_couch: Isometry3<f64>,
     head: Head,
-    background: View,
-    view: View,
+    background: RenderedView,
+    view: RenderedView,
     /// The head's part that each pixel shows, by number.
     part: Vec<u8>,
     /// x of the direction of each column.
@@ -78,7 +78,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Pose`] when the pose is not finite; the view stays what it was.
-    pub fn render(&mut self, couch_from_head: &Isometry3<f64>) -> Result<&View, RenderError> {
+    pub fn render(&mut self, couch_from_head: &Isometry3<f64>) -> Result<&RenderedView, RenderError> {
         check("couch_from_head", couch_from_head)?;
         self.erase_head();
         let camera_from_head = self.camera_from_couch * couch_from_head;
@@ -153,8 +153,8 @@ fn check(transform: &'static str, pose: &Isometry3<f64>) -> Result<(), RenderErr
 }
 
 /// The view of the static objects, one ray per pixel.
-fn cast(camera: &Pinhole, couch_from_camera: &Isometry3<f64>, scene: &Scene) -> View {
-    let mut view = View::empty(camera);
+fn cast(camera: &Pinhole, couch_from_camera: &Isometry3<f64>, scene: &Scene) -> RenderedView {
+    let mut view = RenderedView::empty(camera);
     let origin = couch_from_camera.translation.vector.into();
     for v in 0..camera.height() {
         for u in 0..camera.width() {

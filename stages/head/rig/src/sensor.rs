@@ -8,7 +8,7 @@ use crate::camera::Pinhole;
 use crate::noise::{DEPTH_UNIT_M, NoiseModel};
 use crate::normal::NormalTable;
 use crate::shadow::light_row;
-use crate::view::View;
+use crate::view::RenderedView;
 
 /// Why no image is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -121,7 +121,12 @@ impl DepthSensor {
     ///
     /// # Errors
     /// [`SenseError`] when the view or the buffer has another size than the sensor.
-    pub fn sense(&mut self, view: &View, rng: &mut impl Rng, depth: &mut [u16]) -> Result<(), SenseError> {
+    pub fn sense(
+        &mut self,
+        view: &RenderedView,
+        rng: &mut impl Rng,
+        depth: &mut [u16],
+    ) -> Result<(), SenseError> {
         let expected = (self.width, self.height);
         let found = (view.width(), view.height());
         if expected != found {
@@ -138,7 +143,7 @@ impl DepthSensor {
     }
 
     /// One row as if there were no edges. Loops without lookups are apart, since they run four pixels at a time.
-    fn sense_surfaces(&mut self, view: &View, v: usize, rng: &mut impl Rng, row: &mut [u16]) {
+    fn sense_surfaces(&mut self, view: &RenderedView, v: usize, rng: &mut impl Rng, row: &mut [u16]) {
         let pixels = v * self.width..(v + 1) * self.width;
         let (depths, cosines) = (&view.depth_m()[pixels.clone()], &view.cosine()[pixels]);
         let c = self.constants;
@@ -174,7 +179,7 @@ impl DepthSensor {
     }
 
     /// The pixels of one row beside which the depth jumps.
-    fn sense_edges(&mut self, view: &View, v: usize, rng: &mut impl Rng, row: &mut [u16]) {
+    fn sense_edges(&mut self, view: &RenderedView, v: usize, rng: &mut impl Rng, row: &mut [u16]) {
         if self.edge_chances[2] == 0 {
             return;
         }
@@ -193,7 +198,14 @@ impl DepthSensor {
     }
 
     /// One pixel beside which the depth jumps, that would have been `undisturbed`.
-    fn sense_edge(&self, view: &View, u: usize, v: usize, rng: &mut impl Rng, undisturbed: u16) -> u16 {
+    fn sense_edge(
+        &self,
+        view: &RenderedView,
+        u: usize,
+        v: usize,
+        rng: &mut impl Rng,
+        undisturbed: u16,
+    ) -> u16 {
         let z = view.depth_m()[v * self.width + u];
         let beyond = self.across_the_edge(view, u, v);
         let (what, word) = (u64::from(rng.next_u32()), rng.next_u32());
@@ -210,7 +222,7 @@ impl DepthSensor {
         }
     }
 
-    fn mark_edges(&mut self, view: &View, v: usize) {
+    fn mark_edges(&mut self, view: &RenderedView, v: usize) {
         let depths = view.depth_m();
         let row = |v: usize| &depths[v * self.width..(v + 1) * self.width];
         let (here, above, below) = (row(v), row(v.saturating_sub(1)), row((v + 1).min(self.height - 1)));
@@ -229,7 +241,7 @@ impl DepthSensor {
     }
 
     /// The depth of the neighbour that differs most.
-    fn across_the_edge(&self, view: &View, u: usize, v: usize) -> f32 {
+    fn across_the_edge(&self, view: &RenderedView, u: usize, v: usize) -> f32 {
         let depth = |u: usize, v: usize| view.depth_m()[v * self.width + u];
         let z = depth(u, v);
         let neighbours = [

@@ -31,7 +31,7 @@ impl Rect {
 
 /// Depth, label and incidence per pixel, row by row from the top left, `width * height` each.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct RenderedView {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) depth_m: Vec<f32>,
@@ -39,7 +39,7 @@ pub struct View {
     pub(crate) cosine: Vec<f32>,
 }
 
-impl View {
+impl RenderedView {
     pub fn empty(camera: &Pinhole) -> Self {
         Self {
             width: camera.width(),

@@ -4,7 +4,7 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
-use crate::sight::{ImageParams, Noise, Setting, Sight};
+use crate::camera_view::{CameraView, ImageParams, Noise, Setting};
 
 const TRUTH: usize = 0;
 const DEPTH: usize = 0;
@@ -42,11 +42,11 @@ impl ViewParams {
 /// Another camera over a rig's head. Its `frame:` places it over the couch.
 ///
 /// It shows the head at the newest truth, which a rig sends at each of its ticks: no older than one of them.
-pub struct View {
-    sight: Sight,
+pub struct CameraOperator {
+    camera_view: CameraView,
 }
 
-impl Operator for View {
+impl Operator for CameraOperator {
     type Params = ViewParams;
     const KIND: Kind = Kind {
         name: "rig.view",
@@ -69,7 +69,7 @@ impl Operator for View {
     };
 
     fn new(params: ViewParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        Ok(Self { sight: Sight::new(&params.image(), params.setting, params.head_scale, setup)? })
+        Ok(Self { camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, setup)? })
     }
 
     fn capacities(params: &ViewParams) -> Vec<usize> {
@@ -80,7 +80,7 @@ impl Operator for View {
         let Some(truth) = activation.input::<Pose>(TRUTH) else { return Ok(()) };
         let Some(pose) = truth.first() else { return Ok(()) };
         outputs.acquired_at(truth.header.stamp);
-        self.sight.send(
+        self.camera_view.send(
             &stillpoint_pose::isometry(pose.position, pose.orientation),
             activation,
             outputs,

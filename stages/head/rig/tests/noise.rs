@@ -12,13 +12,13 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::Scene;
 use stillpoint_rig::sensor::{DepthSensor, SenseError};
 use stillpoint_rig::trajectory::rest_on_pad;
-use stillpoint_rig::view::View;
+use stillpoint_rig::view::RenderedView;
 
 fn pinhole() -> Pinhole {
     Pinhole::new(566.0, 566.0, 319.5, 239.5, 640, 480).unwrap()
 }
 
-fn head_on_couch() -> View {
+fn head_on_couch() -> RenderedView {
     let pose = couch_from_camera(Vector3::new(0.0, -0.48, 0.59), [45f64.to_radians(), 0.0, 0.0]);
     let scene = Scene::treatment_couch().unwrap();
     let mut renderer = Renderer::new(pinhole(), &pose, &scene, Head::new(1.0).unwrap()).unwrap();
@@ -26,7 +26,7 @@ fn head_on_couch() -> View {
 }
 
 /// The floor alone, seen from `distance` metres along the optical axis, turned by `angle` radians.
-fn floor_at(distance: f64, angle: f64) -> View {
+fn floor_at(distance: f64, angle: f64) -> RenderedView {
     let scene = Scene::new(Vec::new(), 0.0);
     let turn = UnitQuaternion::from_euler_angles(core::f64::consts::PI + angle, 0.0, 0.0);
     let pose = Isometry3::from_parts(Translation3::new(0.0, 0.0, distance * angle.cos()), turn);
@@ -35,7 +35,7 @@ fn floor_at(distance: f64, angle: f64) -> View {
     renderer.render(&far_away).unwrap().clone()
 }
 
-fn sense(view: &View, params: NoiseParams, seed: u64) -> Vec<u16> {
+fn sense(view: &RenderedView, params: NoiseParams, seed: u64) -> Vec<u16> {
     let mut depth = vec![u16::MAX; pinhole().pixels()];
     let mut sensor = DepthSensor::new(&pinhole(), NoiseModel::new(params).unwrap());
     sensor.sense(view, &mut ChaCha8Rng::seed_from_u64(seed), &mut depth).unwrap();
@@ -180,9 +180,9 @@ fn pixels_change_at_edges_only_when_the_edges_alone_have_errors() {
 fn a_buffer_or_a_view_of_another_size_is_refused_with_both_sizes() {
     let mut sensor = DepthSensor::new(&pinhole(), NoiseModel::new(NoiseParams::exact()).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let error = sensor.sense(&View::empty(&pinhole()), &mut rng, &mut [0; 5]).unwrap_err();
+    let error = sensor.sense(&RenderedView::empty(&pinhole()), &mut rng, &mut [0; 5]).unwrap_err();
     assert_eq!(error, SenseError::BufferSize { expected: 640 * 480, found: 5 });
     let small = Pinhole::new(100.0, 100.0, 3.0, 3.0, 8, 6).unwrap();
-    let error = sensor.sense(&View::empty(&small), &mut rng, &mut [0; 48]).unwrap_err();
+    let error = sensor.sense(&RenderedView::empty(&small), &mut rng, &mut [0; 48]).unwrap_err();
     assert_eq!(error, SenseError::ViewSize { expected: (640, 480), found: (8, 6) });
 }

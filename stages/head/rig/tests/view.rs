@@ -9,7 +9,7 @@ use stillpoint_rig::ray::{self, Ray};
 use stillpoint_rig::render::{RenderError, Renderer};
 use stillpoint_rig::scene::{Label, Scene};
 use stillpoint_rig::trajectory::rest_on_pad;
-use stillpoint_rig::view::View;
+use stillpoint_rig::view::RenderedView;
 
 fn pinhole() -> Pinhole {
     Pinhole::new(566.0, 566.0, 319.5, 239.5, 640, 480).unwrap()
@@ -31,7 +31,7 @@ fn moved(by: Vector3<f64>) -> Isometry3<f64> {
 }
 
 /// Mean column, mean row and number of the head's pixels.
-fn silhouette(view: &View) -> (f64, f64, f64) {
+fn silhouette(view: &RenderedView) -> (f64, f64, f64) {
     let (mut columns, mut rows, mut count) = (0.0, 0.0, 0.0);
     for (pixel, &label) in view.label().iter().enumerate() {
         if label == Label::Head as u8 {

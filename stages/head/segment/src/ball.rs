@@ -209,8 +209,8 @@ fn refine(
                 continue;
             }
             let along = from_centre.dot(&patch.normal);
-            let beside = (from_centre - along * patch.normal).norm();
-            if !(beside < near && along > least && along < greatest) {
+            let lateral = (from_centre - along * patch.normal).norm();
+            if !(lateral < near && along > least && along < greatest) {
                 continue;
             }
             let projector = Matrix3::identity() - patch.normal * patch.normal.transpose();

@@ -87,7 +87,7 @@ pub(crate) fn plane(fit: &PlaneFit) -> PlaneElement {
         rms: fit.rms,
         inliers: fit.inliers as u32,
         points: fit.points as u32,
-        kept: u32::from(fit.origin == Origin::Kept),
+        kept: u32::from(fit.origin == Origin::Retained),
         hypotheses: fit.hypotheses,
     }
 }

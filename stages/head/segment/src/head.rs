@@ -10,8 +10,8 @@
 use crate::ball::{Ball, BallSearch};
 use crate::cut::{Lean, MinCut};
 use crate::forest::{root, unite};
-use crate::hills::{Hills, beside};
-use crate::identity::{Candidate, Choice, Identity, IdentityParams};
+use crate::hills::{Hills, lateral};
+use crate::identity::{Candidate, Choice, HeadCandidates, IdentityParams};
 use crate::neck::Neck;
 use crate::plane::Plane;
 use crate::surface::{Patch, Surface};
@@ -102,7 +102,7 @@ pub struct HeadFinder {
     /// Pairs of patches that border on each other, then those that are seen beside each other.
     edges: Vec<[u32; 2]>,
     hills: Hills,
-    identity: Identity,
+    identity: HeadCandidates,
     neck: Option<Neck>,
     parents: Vec<u32>,
     head: Vec<bool>,
@@ -226,7 +226,7 @@ impl HeadFinder {
         // Often they are one.
         let face_too = (face != cranium).then_some(face);
         let found = [cranium].into_iter().chain(face_too).find_map(|ball| {
-            hills.tell(patches, &ball, plane, radius, true);
+            hills.report(patches, &ball, plane, radius, true);
             let neck = Neck::of_balls(balls, &ball, plane, params);
             Some((ball, neck.or_else(|| Neck::of_face(hills.own(patches), &ball, plane, radius))?))
         });
@@ -234,7 +234,7 @@ impl HeadFinder {
         if self.neck.is_none() {
             self.hills.find(&self.edges);
             self.hills.part(radius);
-            self.hills.tell(patches, &face, plane, radius, false);
+            self.hills.report(patches, &face, plane, radius, false);
         }
         found.map_or(face, |(ball, _)| ball)
     }
@@ -248,7 +248,7 @@ impl HeadFinder {
         for (number, (patch, &height)) in patches.iter().zip(self.hills.heights()).enumerate() {
             let from_centre = patch.place - ball.centre;
             let distance = from_centre.norm() / params.radius;
-            let foot = height < low && beside(&patch.place, ball, plane) > FOOT * params.radius;
+            let foot = height < low && lateral(&patch.place, ball, plane) > FOOT * params.radius;
             let is_head = is_cap(patch, ball, plane) || neck.is_some_and(|neck| neck.is_core(patch));
             let lean = if is_head {
                 Lean::Source

@@ -12,12 +12,12 @@ use std::ops::RangeInclusive;
 /// A summit from which the way up leads down this far is of something else ...
 const SUMMIT: f64 = 0.2;
 /// ... where it is this far beside the ball's centre.
-const BESIDE: f64 = 1.0;
+const ASIDE: f64 = 1.0;
 /// In radii of the ball: so far over the centre and so far beside it, lower than its top, a head has no summit but that of
 /// its neck; a chin is higher. There the way up needs to lead down only this far, as it does between a face and the pad
 /// that it is turned to.
 const HIGH: RangeInclusive<f64> = 0.4..=0.95;
-const HIGH_BESIDE: f64 = 0.87;
+const HIGH_ASIDE: f64 = 0.87;
 const HIGH_SUMMIT: f64 = 0.05;
 /// Such a summit has at least this many patches. Flying pixels have fewer.
 const PATCHES: u32 = 12;
@@ -54,7 +54,7 @@ impl Hills {
     /// Separates the summits of other objects from those of the head in `ball`. If the ball may be that of the
     /// `cranium`, a high summit beside it belongs to another object; beside the ball of a face, it may be the crown.
     /// `radius` is that of the adult head in metres.
-    pub fn tell(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
+    pub fn report(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
         self.is_other.clear();
         let all = patches.iter().zip(self.summits.prominence());
         self.is_other.extend(all.map(|(patch, &prominence)| {
@@ -62,10 +62,10 @@ impl Hills {
                 return false;
             }
             let over = plane.normal.dot(&(patch.place - ball.centre));
-            let beside = beside(&patch.place, ball, plane);
+            let lateral = lateral(&patch.place, ball, plane);
             let is_high =
-                cranium && HIGH.contains(&(over / ball.radius)) && beside > HIGH_BESIDE * ball.radius;
-            is_high || (prominence > SUMMIT * radius && beside > BESIDE * radius)
+                cranium && HIGH.contains(&(over / ball.radius)) && lateral > HIGH_ASIDE * ball.radius;
+            is_high || (prominence > SUMMIT * radius && lateral > ASIDE * radius)
         }));
     }
 
@@ -81,7 +81,7 @@ impl Hills {
 }
 
 /// How far a place is beside the ball's centre, along the plane, in metres.
-pub(crate) fn beside(place: &Vector3<f64>, ball: &Ball, plane: &Plane) -> f64 {
+pub(crate) fn lateral(place: &Vector3<f64>, ball: &Ball, plane: &Plane) -> f64 {
     let offset = place - ball.centre;
     (offset - plane.normal.dot(&offset) * plane.normal).norm()
 }

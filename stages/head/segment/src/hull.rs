@@ -154,10 +154,10 @@ fn chain(corners: &mut Vec<[f64; 2]>, points: impl Iterator<Item = [f64; 2]>) {
     chain_from(corners, 0, points);
 }
 
-/// Appends the chain of sorted points that turns left at every corner, leaving the first `kept` corners alone.
-fn chain_from(corners: &mut Vec<[f64; 2]>, kept: usize, points: impl Iterator<Item = [f64; 2]>) {
+/// Appends the chain of sorted points that turns left at every corner, leaving the first `retained` corners alone.
+fn chain_from(corners: &mut Vec<[f64; 2]>, retained: usize, points: impl Iterator<Item = [f64; 2]>) {
     for point in points {
-        while let [.., a, b] = corners[kept..] {
+        while let [.., a, b] = corners[retained..] {
             if turn(a, b, point) > 0.0 {
                 break;
             }

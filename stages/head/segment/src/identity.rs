@@ -104,7 +104,7 @@ pub const ENOUGH: f64 = 0.5;
 /// Balls nearer to each other than this part of the adult radius are of one thing.
 const ONE_THING: f64 = 1.15;
 /// In radii of the ball: what of the neck beyond its lowest place is kept, and the half width of a head.
-const NECK_KEPT: f64 = 0.5;
+const NECK_RETAINED: f64 = 0.5;
 const HALF_WIDTH: f64 = 1.6;
 /// The same above its centre.
 const TOP: f64 = 2.2;
@@ -117,7 +117,7 @@ const NECKWARDS: f64 = 0.8;
 const WIDE: f64 = 1.3;
 const BESIDES: f64 = 1.6;
 /// Balls are of one thing if they are no farther apart than this across the couch and along it, in radii of the larger.
-const BESIDE: f64 = 0.7;
+const ASIDE: f64 = 0.7;
 const LENGTH: f64 = 2.2;
 /// Width, length from the crown to where the neck is lowest, and diameter of the ball of an adult's head, m.
 const ADULT_WIDTH: f64 = 0.155;
@@ -134,7 +134,7 @@ const ALONE: [f64; 2] = [0.75, 0.1];
 /// A ball that this many times more patches support is a cranium, and the one footwards is its jaw, neck or hand.
 const MORE: f64 = 1.2;
 /// Part of the region's half width over which the certainty goes from 0.5 to 0 or 1.
-const REGION_WAY: f64 = 0.2;
+const REGION_MARGIN: f64 = 0.2;
 /// Width of a slice across the couch, m.
 const SLICE: f64 = 0.015;
 /// Slices: from two radii headwards of the middle to the end of the body that is looked at.
@@ -212,12 +212,12 @@ pub enum Choice {
 
 /// The candidates of a frame; after the first frames it allocates nothing.
 #[derive(Debug, Clone, Default)]
-pub struct Identity {
+pub struct HeadCandidates {
     candidates: Vec<Candidate>,
     slices: Vec<Slice>,
 }
 
-impl Identity {
+impl HeadCandidates {
     /// The candidates of the last frame, the best first.
     #[must_use]
     pub fn candidates(&self) -> &[Candidate] {
@@ -328,18 +328,18 @@ impl Identity {
         let mut area = 0.0;
         for patch in patches {
             let offset = patch.place - ball.centre;
-            let (along, beside) = (foot.dot(&offset), across.dot(&offset));
+            let (along, lateral) = (foot.dot(&offset), across.dot(&offset));
             let slice = (along + BEFORE) / SLICE;
-            if beside.abs() >= SIDE || !(slice >= 0.0 && slice < SLICES as f64) {
+            if lateral.abs() >= SIDE || !(slice >= 0.0 && slice < SLICES as f64) {
                 continue;
             }
             let height = up.dot(&patch.place) + plane.offset;
             let slice = &mut self.slices[slice as usize];
-            if beside.abs() < RIDGE * ball.radius {
+            if lateral.abs() < RIDGE * ball.radius {
                 slice.ridge = if slice.ridge >= height { slice.ridge } else { height };
             }
             if height > level {
-                let column = ((beside + SIDE) / COLUMN) as usize;
+                let column = ((lateral + SIDE) / COLUMN) as usize;
                 slice.columns[column.min(COLUMNS - 1)] = true;
             }
             if (BODY * ball.radius..BODY * ball.radius + BODY_LENGTH).contains(&along) {
@@ -374,7 +374,7 @@ impl Identity {
         let middle = (BEFORE / SLICE) as usize;
         let crown = (0..=middle).rev().take_while(|n| self.slices[*n].width() > 0.0).last().unwrap_or(middle);
         let along = |slice: usize| (slice as f64 + 0.5) * SLICE - BEFORE;
-        candidate.end = lowest.map_or(f64::INFINITY, |lowest| along(lowest) + NECK_KEPT * radius);
+        candidate.end = lowest.map_or(f64::INFINITY, |lowest| along(lowest) + NECK_RETAINED * radius);
         let length = lowest.map_or(0.0, |lowest| lowest.saturating_sub(crown) as f64 * SLICE);
         let footwards = slices(BODY * radius, BODY * radius + BODY_LENGTH);
         let widest_body =
@@ -403,7 +403,7 @@ fn is_one_thing(a: &Candidate, b: &Candidate, radius: f64) -> bool {
     let offset = b.place - a.place;
     let (across, along) = (offset.x.abs(), offset.y.abs());
     let radii = a.ball.radius.max(b.ball.radius);
-    offset.norm() < ONE_THING * radius || (across < BESIDE * radii && along < LENGTH * radii)
+    offset.norm() < ONE_THING * radius || (across < ASIDE * radii && along < LENGTH * radii)
 }
 
 /// Whether `a` rather than `b` stands for the one thing that both are of: the headward one, unless it is the less certain
@@ -421,15 +421,15 @@ impl Region {
     pub const DEFAULT: Self = Self { at: [0.0, 0.0], half: 0.16, height: [0.03, 0.27] };
 
     fn certainty(&self, place: &Vector3<f64>, height: f64) -> f64 {
-        let way = REGION_WAY * self.half;
-        let beside = (place.x - self.at[0]).abs().max((place.y - self.at[1]).abs());
+        let direction = REGION_MARGIN * self.half;
+        let lateral = (place.x - self.at[0]).abs().max((place.y - self.at[1]).abs());
         let [low, high] = self.height;
-        let inside = (self.half - beside).min(height - low).min(high - height);
-        (0.5 + inside / (2.0 * way)).clamp(0.0, 1.0)
+        let inside = (self.half - lateral).min(height - low).min(high - height);
+        (0.5 + inside / (2.0 * direction)).clamp(0.0, 1.0)
     }
 }
 
 /// 0.5 at the limit, 0 and 1 a way below and above it.
-fn at_limit(value: f64, [limit, way]: [f64; 2]) -> f64 {
-    (0.5 + (value - limit) / (2.0 * way)).clamp(0.0, 1.0)
+fn at_limit(value: f64, [limit, direction]: [f64; 2]) -> f64 {
+    (0.5 + (value - limit) / (2.0 * direction)).clamp(0.0, 1.0)
 }

@@ -23,7 +23,7 @@ const OVER: f64 = 0.15;
 const CRANIUM: f64 = 0.93;
 /// Patches of a face at least, and how much of their distance from the axis is one way.
 const PATCHES: usize = 12;
-const ONE_WAY: f64 = 0.915;
+const ONE_SIDED: f64 = 0.915;
 // Lengths from here on are in radii of the adult head, from the centre of the ball.
 
 /// The ball that fits a neck: its radius at most, how far it lies lower than the head's and away from it, and where it
@@ -44,7 +44,7 @@ const CORE_END: f64 = 2.0;
 /// Beyond this, all beside the neck is shoulder.
 const SHOULDER: f64 = 1.7;
 /// What faces up is this far beside the centre, and no higher: it is not the head.
-const BESIDE: f64 = 0.8;
+const ASIDE: f64 = 0.8;
 const HIGHEST: f64 = 0.05;
 /// Cosine of the angle to the plane's normal from which a surface faces up.
 const UP: f64 = 0.7;
@@ -80,12 +80,12 @@ impl Neck {
             if distance < OUTSIDE * ball.radius || distance > FACE * radius || height < OVER * radius {
                 continue;
             }
-            let beside = from_centre - height * up;
-            sum += beside;
-            lengths += beside.norm();
+            let lateral = from_centre - height * up;
+            sum += lateral;
+            lengths += lateral.norm();
             count += 1;
         }
-        if count < PATCHES || sum.norm() < ONE_WAY * lengths {
+        if count < PATCHES || sum.norm() < ONE_SIDED * lengths {
             return None;
         }
         Some(Self { centre, up, along: sum.normalize(), radius: scale(ball, radius) })
@@ -94,22 +94,22 @@ impl Neck {
     /// From a ball that fits the neck itself, among those that were found.
     pub fn of_balls(balls: &[Ball], ball: &Ball, plane: &Plane, params: &HeadParams) -> Option<Self> {
         let (up, radius) = (plane.normal, params.radius);
-        let beside = |other: &Ball| {
+        let lateral = |other: &Ball| {
             let offset = other.centre - ball.centre;
             offset - up.dot(&offset) * up
         };
         let is_neck = |other: &&Ball| {
             let lower = up.dot(&(ball.centre - other.centre)) / radius;
-            let away = beside(other).norm() / radius;
+            let away = lateral(other).norm() / radius;
             other.radius < THICK * radius
                 && LOWER.contains(&lower)
                 && AWAY_FROM.contains(&away)
                 && params.is_shown(other)
         };
         let neck = balls.iter().find(is_neck)?;
-        let along = beside(neck).normalize();
+        let along = lateral(neck).normalize();
         let radius = scale(ball, radius);
-        let centre = ball.centre + beside(neck) - MIDDLE * radius * along;
+        let centre = ball.centre + lateral(neck) - MIDDLE * radius * along;
         Some(Self { centre, up, along, radius })
     }
 
@@ -139,7 +139,7 @@ impl Neck {
         if self.holds(patch) {
             return Some(NECK_LEANS * (2.5 * (END - along)).min(1.0));
         }
-        let is_up = patch.normal.dot(&self.up) > UP && height < HIGHEST && along.hypot(across) > BESIDE;
+        let is_up = patch.normal.dot(&self.up) > UP && height < HIGHEST && along.hypot(across) > ASIDE;
         let is_beyond = across > BREADTH || along < CROWN || (along > SHOULDER && across > HALF_WIDTH);
         (is_up || is_beyond).then_some(AWAY)
     }

@@ -23,7 +23,7 @@ pub struct OutlierFilter {
     neighbours: Neighbours,
     found: Vec<(f32, u32)>,
     distances: Vec<f64>,
-    kept: Vec<bool>,
+    retained: Vec<bool>,
 }
 
 impl OutlierFilter {
@@ -54,9 +54,9 @@ impl OutlierFilter {
             self.distances.push(mean);
         }
         let alpha = alpha(count, sum, squares, params.deviations);
-        self.kept.clear();
-        self.kept.extend(self.distances.iter().map(|&distance| distance <= alpha));
-        &self.kept
+        self.retained.clear();
+        self.retained.extend(self.distances.iter().map(|&distance| distance <= alpha));
+        &self.retained
     }
 }
 
@@ -84,11 +84,11 @@ mod tests {
         points.push([0.1, 0.1, 0.98]);
         points.push([0.1, 0.1, 0.5]);
         let mut filter = OutlierFilter::new();
-        let kept = filter.keep(&points, &PARAMS);
-        assert!(!kept[2500] && !kept[2501]);
+        let retained = filter.keep(&points, &PARAMS);
+        assert!(!retained[2500] && !retained[2501]);
         // At the rim the neighbours are on one side only, and so farther.
         let inside = |i: usize| (3..47).contains(&(i % 50)) && (3..47).contains(&(i / 50));
-        assert!((0..2500).filter(|&i| inside(i)).all(|i| kept[i]));
+        assert!((0..2500).filter(|&i| inside(i)).all(|i| retained[i]));
     }
 
     #[test]

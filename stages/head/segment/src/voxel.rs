@@ -88,19 +88,19 @@ impl VoxelGrid {
     /// Removes the voxels that are not to be kept, one answer for each; their points are then in none.
     pub fn retain(&mut self, keep: &[bool]) {
         self.renumbered.clear();
-        let mut kept = 0;
+        let mut retained = 0;
         for (voxel, _) in self.centroids.iter().enumerate() {
             let stays = keep.get(voxel) == Some(&true);
-            self.renumbered.push(if stays { kept } else { NO_VOXEL });
-            kept += u32::from(stays);
+            self.renumbered.push(if stays { retained } else { NO_VOXEL });
+            retained += u32::from(stays);
         }
         for (voxel, &number) in self.renumbered.iter().enumerate().filter(|(_, number)| **number != NO_VOXEL)
         {
             self.centroids[number as usize] = self.centroids[voxel];
             self.counts[number as usize] = self.counts[voxel];
         }
-        self.centroids.truncate(kept as usize);
-        self.counts.truncate(kept as usize);
+        self.centroids.truncate(retained as usize);
+        self.counts.truncate(retained as usize);
         for voxel in &mut self.voxel_of_point {
             *voxel = self.renumbered.get(*voxel as usize).copied().unwrap_or(NO_VOXEL);
         }

@@ -85,7 +85,7 @@ fn empty_and_invalid_frames_have_too_few_voxels() {
 #[test]
 fn a_frame_beyond_the_range_says_how_far_it_is_and_whether_it_may_be_in_millimetres() {
     let mut segmenter = FaceSegmenter::new(params()).unwrap();
-    let mut said = |z: f32| {
+    let mut message = |z: f32| {
         let rejection = segmenter.segment(loose(&[[0.0, 0.0, z]; 1000]), &mut rng()).face.unwrap_err();
         assert_eq!(rejection.code(), 1);
         let text = rejection.to_string();
@@ -93,9 +93,9 @@ fn a_frame_beyond_the_range_says_how_far_it_is_and_whether_it_may_be_in_millimet
         assert!(text.len() <= 96, "{text}");
         text
     };
-    let far = said(9.0);
+    let far = message(9.0);
     assert!(far.ends_with("the nearest point is at 9.0 m: raise `range_max`"), "{far}");
-    let unit = said(430.0);
+    let unit = message(430.0);
     assert!(unit.ends_with("the nearest point is at 430.0 m: are these millimetres?"), "{unit}");
 }
 
@@ -135,7 +135,7 @@ fn frame_after_a_refused_one_starts_afresh() {
         (after.face, after.above, after.clusters.len()),
         (first.face, first.above, first.clusters.len())
     );
-    assert_eq!(after.plane.unwrap().origin, Origin::Kept);
+    assert_eq!(after.plane.unwrap().origin, Origin::Retained);
 }
 
 #[test]

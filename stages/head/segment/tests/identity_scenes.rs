@@ -38,14 +38,14 @@ fn nothing_but_the_head_is_taken_for_it() {
         let cloud = Cloud { points: &frame.cloud, width: frame.width };
         let seen = segmenter.segment(cloud, &mut ChaCha8Rng::seed_from_u64(number));
         let place = EXTRAS.iter().position(|e| *e == p.extra).unwrap();
-        let is_due = p.has_head() && p.is_plain() && shown >= 2.0 / 3.0 && p.off_front <= 60.0;
-        due += usize::from(is_due);
+        let is_time = p.has_head() && p.is_plain() && shown >= 2.0 / 3.0 && p.off_front <= 60.0;
+        due += usize::from(is_time);
         by_extra[place][0] += 1;
         match seen.face {
             Ok(face) => {
                 let inside = face.iter().filter(|i| frame.head[**i as usize]).count() as f64;
                 let purity = inside / face.len().max(1) as f64;
-                taken += usize::from(is_due);
+                taken += usize::from(is_time);
                 by_extra[place][1] += 1;
                 // A fist on the chin is cut with it; that it is none of the head, its motion tells.
                 let pure = if p.extra == Extra::Fist { 0.5 } else { PURE };
@@ -53,15 +53,15 @@ fn nothing_but_the_head_is_taken_for_it() {
                     by_extra[place][2] += 1;
                     wrong.push(format!("purity {purity:.2} {}", p.about));
                     if tells() {
-                        tell("WRONG", &p.about, seen.candidates);
+                        report("WRONG", &p.about, seen.candidates);
                     }
                 }
             }
-            Err(why) if is_due => {
+            Err(why) if is_time => {
                 by_extra[place][3] += 1;
                 missed.push(format!("{} shown {shown:.2}: {why}", p.about));
                 if tells() {
-                    tell("MISSED", &p.about, seen.candidates);
+                    report("MISSED", &p.about, seen.candidates);
                 }
                 assert!(!matches!(why, Rejection::TooFewVoxels { .. }), "{why}");
             }
@@ -169,7 +169,7 @@ fn tells() -> bool {
     std::env::var_os("STILLPOINT_TELL").is_some()
 }
 
-fn tell(what: &str, about: &str, candidates: &[Candidate]) {
+fn report(what: &str, about: &str, candidates: &[Candidate]) {
     eprintln!("{what} {about}");
     for c in candidates {
         eprintln!(

@@ -38,7 +38,7 @@ const STEPS: usize = SegmentationStep::NAMES.len() + 3;
 /// What a pose needs: as `track.head` by default.
 const NEEDED: Needed = Needed { overlap: 0.5, tolerance: 5e-3 };
 
-struct Frame {
+struct SeenFrame {
     name: String,
     counts: Vec<u16>,
 }
@@ -47,7 +47,7 @@ struct Sequence {
     name: String,
     width: usize,
     camera: Intrinsics,
-    frames: Vec<Frame>,
+    frames: Vec<SeenFrame>,
 }
 
 /// CPU time of this thread, ms.
@@ -68,7 +68,7 @@ fn rig(setting: Setting, noise: NoiseParams, name: &str) -> Result<Sequence, Box
         let view = renderer.render(&script.couch_from_head(10.0 + number as f64 * 0.1))?;
         let mut counts = vec![0; pinhole.pixels()];
         sensor.sense(view, &mut ChaCha8Rng::seed_from_u64(number), &mut counts)?;
-        frames.push(Frame { name: number.to_string(), counts });
+        frames.push(SeenFrame { name: number.to_string(), counts });
     }
     let camera = Intrinsics { fx: 566.0, fy: 566.0, cx: 319.5, cy: 239.5, metres_per_count: 1e-4 };
     Ok(Sequence { name: format!("rig, {setting:?}, {name}"), width: 640, camera, frames })
@@ -91,7 +91,7 @@ fn rendered(folder: &Path, sensor: &str) -> Result<Sequence, Box<dyn Error>> {
     for path in names {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if name.starts_with(sensor) && name.ends_with("_depth.png") {
-            frames.push(Frame { name, counts: decode_png(&std::fs::read(&path)?)?.counts });
+            frames.push(SeenFrame { name, counts: decode_png(&std::fs::read(&path)?)?.counts });
         }
     }
     let set = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -153,7 +153,7 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
                     let identity = identity.insert(unproven.unwrap_or_else(|| Identity::new(surface, false)));
                     let checked = now();
                     let (alignment, motion) = (&pose.alignment, &pose.current_from_reference);
-                    let frame = identity::Frame { cloud: &head, alignment, motion, time: stamp };
+                    let frame = identity::SeenFrame { cloud: &head, alignment, motion, time: stamp };
                     black_box(identity.judge(surface, &frame, &NEEDED));
                     spent[STEPS - 1] = now() - checked;
                 }
@@ -186,13 +186,13 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
     let clusters = median(&mut to_clusters);
     let mut of_pcl: Vec<f64> =
         sequence.frames.iter().filter_map(|frame| pcl(reference?, &frame.name)).collect();
-    let beside = if of_pcl.is_empty() {
+    let lateral = if of_pcl.is_empty() {
         String::new()
     } else {
         let pcl = median(&mut of_pcl);
         format!(", PCL 1.13 {pcl:.1} ms: {:.2} of it", clusters / pcl)
     };
-    println!("  voxel to cluster {clusters:.2} ms{beside}");
+    println!("  voxel to cluster {clusters:.2} ms{lateral}");
     let least = wholes.iter().copied().fold(f64::INFINITY, f64::min);
     println!("  whole frame: median {:.2} ms, least {least:.2} ms", median(&mut wholes));
     Ok(())

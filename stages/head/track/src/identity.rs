@@ -54,7 +54,7 @@ const PROOF_TIME: u64 = 10_000_000_000;
 
 /// A frame that has a pose.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
+pub struct SeenFrame<'a> {
     /// Its points, m, finite, seen from the origin.
     pub cloud: &'a [Vector3<f64>],
     /// How they lie on the reference.
@@ -148,8 +148,8 @@ impl Identity {
     }
 
     /// Judges a frame that has a pose.
-    pub fn judge(&mut self, surface: &Surface, frame: &Frame<'_>, needed: &Needed) -> Judged {
-        let Frame { cloud, alignment, motion, .. } = *frame;
+    pub fn judge(&mut self, surface: &Surface, frame: &SeenFrame<'_>, needed: &Needed) -> Judged {
+        let SeenFrame { cloud, alignment, motion, .. } = *frame;
         let tolerance = needed.tolerance;
         let middle = surface.centroid();
         let noise = surface.noise_sd();

@@ -23,7 +23,7 @@ const NEAR: f64 = 0.012;
 const OFF: f64 = 0.018;
 /// A nose stands over the cheeks beside it, which are so far to its left or right, m, by at least this, m.
 const CHEEKS: [f64; 2] = [0.018, 0.030];
-const BESIDE: f64 = 0.008;
+const ASIDE: f64 = 0.008;
 const STANDS: f64 = 0.009;
 /// Places that are tried as the nose, and how far they are apart, m.
 const TRIED: usize = 4;
@@ -153,7 +153,7 @@ fn noses(surface: &Surface, couch_from_surface: &UnitQuaternion<f64>) -> Vec<Vec
         for other in &places {
             let by = other - place;
             let aside = by.x.abs();
-            if by.y.abs() < BESIDE && aside > CHEEKS[0] && aside < CHEEKS[1] && by.z.abs() < 0.08 {
+            if by.y.abs() < ASIDE && aside > CHEEKS[0] && aside < CHEEKS[1] && by.z.abs() < 0.08 {
                 let side = &mut sides[usize::from(by.x > 0.0)];
                 side.0 += by.z;
                 side.1 += 1.0;
@@ -199,20 +199,20 @@ fn settled(surface: &Surface, head: &[Vector3<f64>], size: f64, start: Isometry3
                 continue;
             }
             over += 1;
-            let part = partner.sight.distance / reach;
+            let part = partner.sightline.distance / reach;
             let inside = 1.0 - part * part;
             if inside <= 0.0 {
                 // A head that is too small has many places inside of the surface.
                 score -= 1.0;
                 continue;
             }
-            on += usize::from(partner.sight.distance.abs() < ON);
+            on += usize::from(partner.sightline.distance.abs() < ON);
             score += inside;
-            let normal = partner.sight.normal;
+            let normal = partner.sightline.normal;
             let turn = at.cross(&normal) / length;
             let row = Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z);
             information += row * row.transpose() * inside;
-            right -= row * (inside * partner.sight.distance);
+            right -= row * (inside * partner.sightline.distance);
         }
         last = Some(Settled { surface_from_nose: pose, score, on, over });
         let hold = HOLD * information.trace() / 6.0;

@@ -42,7 +42,7 @@ pub struct Patch {
 
 /// A point as a patch sees it.
 #[derive(Debug, Clone, Copy)]
-pub struct Sight {
+pub struct Sightline {
     /// Signed distance to the quadric along its normal, to first order, m.
     pub distance: f64,
     /// Unit normal of the quadric below the point.
@@ -64,14 +64,14 @@ impl Patch {
     /// How a point (m) lies to the quadric.
     #[inline]
     #[must_use]
-    pub fn sight(&self, point: &Vector3<f64>) -> Sight {
+    pub fn sightline(&self, point: &Vector3<f64>) -> Sightline {
         let d = point - self.position;
         let (u, v) = (d.dot(&self.first), d.dot(&self.second));
         let [a, b, c, e, f] = self.shape;
         let height = u * (a + c * u + e * v) + v * (b + f * v);
         let (slope_u, slope_v) = (a + 2.0 * c * u + e * v, b + e * u + 2.0 * f * v);
         let inverse = 1.0 / (1.0 + slope_u * slope_u + slope_v * slope_v).sqrt();
-        Sight {
+        Sightline {
             distance: (d.dot(&self.normal) - height) * inverse,
             normal: (self.normal - self.first * slope_u - self.second * slope_v) * inverse,
             aside: u * u + v * v,

@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::buckets::Buckets;
 use crate::movable::Movable;
 use crate::nearest::NearestTable;
-use crate::patch::{Patch, Place, Sight};
+use crate::patch::{Patch, Place, Sightline};
 
 /// A reference longer than this is no head.
 const EXTENT_MOST: f64 = 1.0;
@@ -61,7 +61,7 @@ pub enum SurfaceError {
 #[derive(Debug, Clone, Copy)]
 pub struct Partner {
     /// How the point lies to it.
-    pub sight: Sight,
+    pub sightline: Sightline,
     /// Whether the surface ends there.
     pub place: Place,
     /// Number of the patch.
@@ -296,10 +296,10 @@ impl Surface {
     pub fn partner(&self, point: &Vector3<f64>) -> Option<Partner> {
         let number = self.table.nearest(point)?;
         let patch = self.patches.get(number)?;
-        let sight = patch.sight(point);
+        let sightline = patch.sightline(point);
         let group = self.groups[number] as usize;
-        let over = sight.aside <= self.reach;
-        Some(Partner { sight, place: patch.place, patch: number, group, over })
+        let over = sightline.aside <= self.reach;
+        Some(Partner { sightline, place: patch.place, patch: number, group, over })
     }
 
     /// The patches, about the centre.

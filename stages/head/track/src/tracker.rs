@@ -55,7 +55,7 @@ impl Default for TrackParams {
 
 /// How a pose was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
+pub enum PoseSource {
     /// From the last pose.
     Tracked,
     /// By a search, after a loss.
@@ -70,7 +70,7 @@ pub struct TrackedPose {
     /// The fit.
     pub alignment: Alignment,
     /// How it was found.
-    pub way: Way,
+    pub source: PoseSource,
 }
 
 /// Why a frame has no pose.
@@ -268,7 +268,7 @@ impl HeadTracker {
         let tracked = near.map(|start| follow(start, aligner));
         let fits = |alignment: &Alignment| alignment.overlap >= params.min_overlap;
         if let Some(alignment) = tracked.filter(|a| fits(a) && !reference.is_worse(a)) {
-            return Ok(reference.accept(alignment, time, Way::Tracked));
+            return Ok(reference.accept(alignment, time, PoseSource::Tracked));
         }
         let rotations = [reference.last.0.rotation, UnitQuaternion::identity()];
         let start = search(aligner, &reference.surface, cloud, &centroid, &rotations, &params.align);
@@ -276,12 +276,12 @@ impl HeadTracker {
         let cost = |a: &Alignment| {
             misfit(&reference.surface, cloud, &a.surface_from_cloud, params.align.tolerance, JUDGED)
         };
-        let (best, way) = match tracked {
-            Some(alignment) if cost(&alignment) <= cost(&found) => (alignment, Way::Tracked),
-            _ => (found, Way::Found),
+        let (best, source) = match tracked {
+            Some(alignment) if cost(&alignment) <= cost(&found) => (alignment, PoseSource::Tracked),
+            _ => (found, PoseSource::Found),
         };
         if fits(&best) {
-            return Ok(reference.accept(best, time, way));
+            return Ok(reference.accept(best, time, source));
         }
         reference.lost = true;
         Err(Loss::NoFit { alignment: Box::new(best), needed: params.min_overlap })
@@ -300,8 +300,8 @@ impl Reference {
     /// The best start near the last pose: there, moved on, or with the centroids on each other.
     fn near(&self, cloud: &[Vector3<f64>], centroid: &Vector3<f64>, time: u64) -> Option<Isometry3<f64>> {
         let last = self.last.0;
-        let beside = onto_centroid(&self.surface, centroid, &last.rotation);
-        let starts = [Some(last), self.predicted(time), Some(beside)];
+        let lateral = onto_centroid(&self.surface, centroid, &last.rotation);
+        let starts = [Some(last), self.predicted(time), Some(lateral)];
         best_start(&self.surface, cloud, starts.into_iter().flatten())
     }
 
@@ -312,14 +312,14 @@ impl Reference {
         })
     }
 
-    fn accept(&mut self, alignment: Alignment, time: u64, way: Way) -> TrackedPose {
-        self.before = (way == Way::Tracked).then_some(self.last);
+    fn accept(&mut self, alignment: Alignment, time: u64, source: PoseSource) -> TrackedPose {
+        self.before = (source == PoseSource::Tracked).then_some(self.last);
         self.last = (alignment.surface_from_cloud, time);
         self.fit = Some((alignment.sd, alignment.overlap));
         self.lost = false;
         let surface_from_reference = Translation3::from(-self.surface.centre());
         let current_from_reference = alignment.surface_from_cloud.inverse() * surface_from_reference;
-        TrackedPose { current_from_reference, alignment, way }
+        TrackedPose { current_from_reference, alignment, source }
     }
 
     /// Where the head would be at `time` had it moved on as between the last two frames.

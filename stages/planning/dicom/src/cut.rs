@@ -15,7 +15,7 @@ pub(crate) enum Cut {
     /// It is whole.
     Whole,
     /// It is cut, and that is said.
-    Said(String),
+    Note(String),
     /// It is cut, and that is refused.
     Refused(String),
 }
@@ -26,7 +26,7 @@ pub(crate) fn cut(name: &str, role: Role, drawn: &Drawn, allowed_cm3: f64) -> Cu
     if volume_cm3 <= LEAST_CM3 {
         let ends = role == Role::Target && drawn.reaches_the_end;
         return match ends {
-            true => Cut::Said(format!(
+            true => Cut::Note(format!(
                 "{name:?} is drawn up to the first or last image: where it goes on, the images end within it"
             )),
             false => Cut::Whole,
@@ -41,7 +41,7 @@ pub(crate) fn cut(name: &str, role: Role, drawn: &Drawn, allowed_cm3: f64) -> Cu
             "{size}; give the whole scan, or allow the cut by `--allow-cut {:.2}cm3`",
             libm::ceil(volume_cm3 * 100.0) / 100.0
         )),
-        Role::Organ | Role::External | Role::Other => Cut::Said(format!("{size} and are cut off")),
+        Role::Organ | Role::External | Role::Other => Cut::Note(format!("{size} and are cut off")),
     }
 }
 
@@ -49,7 +49,7 @@ fn places(beyond: &Beyond) -> String {
     let places = [
         (beyond.low_mm > 0.0).then(|| format!("{:.1} mm beyond the images toward the feet", beyond.low_mm)),
         (beyond.high_mm > 0.0).then(|| format!("{:.1} mm beyond the images toward the head", beyond.high_mm)),
-        (beyond.beside_cm3 > LEAST_CM3).then(|| "beyond their sides".to_owned()),
+        (beyond.aside_cm3 > LEAST_CM3).then(|| "beyond their sides".to_owned()),
     ];
     places.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }

@@ -132,11 +132,11 @@ pub(crate) fn whole(object: &InMemDicomObject, tag: Tag) -> Result<i64, TagError
 pub(crate) fn must_be(
     object: &InMemDicomObject,
     tag: Tag,
-    due: i64,
+    expected: i64,
     why: &'static str,
 ) -> Result<(), TagError> {
     match whole(object, tag)? {
-        found if found == due => Ok(()),
+        found if found == expected => Ok(()),
         found => wrong(tag, found, why),
     }
 }

@@ -35,7 +35,7 @@ pub(crate) struct Found {
 /// The series is the wanted one, else the only one. Of other series no more is read than what they are.
 pub(crate) fn find(
     folder: &Path,
-    wanted: Option<&Uid>,
+    requested: Option<&Uid>,
     notes: &mut Vec<String>,
     left_out: &mut Vec<String>,
 ) -> Result<Found, ImportError> {
@@ -100,7 +100,7 @@ pub(crate) fn find(
             let entry = all.entry(series.clone()).or_default();
             entry.images += 1;
             entry.position = position;
-            if wanted.is_none_or(|wanted| *wanted == series) {
+            if requested.is_none_or(|requested| *requested == series) {
                 images.push((path, series, data));
             }
         } else {
@@ -125,12 +125,12 @@ pub(crate) fn find(
         notes.push(format!("files of {} are left out: CT and RTSTRUCT are read", kinds.join(", ")));
     }
     let named = named(&structures, &all)?;
-    let series = match (wanted, named) {
+    let series = match (requested, named) {
         (None, Some(named)) if all.len() > 1 => {
             notes.push(format!("of {} CT series that is taken which the RTSTRUCT names: {named}", all.len()));
             named
         }
-        _ => choose(folder, &all, wanted)?,
+        _ => choose(folder, &all, requested)?,
     };
     let images: Vec<_> =
         images.into_iter().filter(|(_, of, _)| *of == series).map(|(path, _, data)| (path, data)).collect();
@@ -148,16 +148,16 @@ fn one_patient(
         text_if_any(object, tags::PATIENT_ID).map_err(|source: TagError| read_error(path, source))
     };
     let Some((first, of_first)) = images.first() else { return Ok(()) };
-    let due = id(first, &of_first.object)?;
+    let expected = id(first, &of_first.object)?;
     for (file, data) in images {
-        if id(file, &data.object)? != due {
+        if id(file, &data.object)? != expected {
             let (file, first) = (file.clone(), first.clone());
             return Err(SeriesError::Mixed { file, first, what: "(0010,0020) PatientID" }.into());
         }
     }
     for (path, object) in structures {
         let found = id(path, object)?;
-        if found.is_some() && due.is_some() && found != due {
+        if found.is_some() && expected.is_some() && found != expected {
             notes.push(format!(
                 "{}: (0010,0020) PatientID is another than that of the images",
                 path.display()
@@ -200,20 +200,20 @@ struct Series {
     position: Option<String>,
 }
 
-fn choose(folder: &Path, all: &BTreeMap<Uid, Series>, wanted: Option<&Uid>) -> Result<Uid, ImportError> {
+fn choose(folder: &Path, all: &BTreeMap<Uid, Series>, requested: Option<&Uid>) -> Result<Uid, ImportError> {
     let line = |(uid, series): (&Uid, &Series)| {
         format!("{uid}: {} images, {}", series.images, series.position.as_deref().unwrap_or("no position"))
     };
-    let told = || all.iter().map(line).collect();
-    match (wanted, all.len(), all.keys().next()) {
-        (Some(wanted), ..) if all.contains_key(wanted) => Ok(wanted.clone()),
-        (Some(wanted), ..) => Err(ImportError::NoSuchSeries {
+    let texts = || all.iter().map(line).collect();
+    match (requested, all.len(), all.keys().next()) {
+        (Some(requested), ..) if all.contains_key(requested) => Ok(requested.clone()),
+        (Some(requested), ..) => Err(ImportError::NoSuchSeries {
             folder: folder.to_owned(),
-            series: wanted.clone(),
-            found: told(),
+            series: requested.clone(),
+            found: texts(),
         }),
         (None, 1, Some(only)) => Ok(only.clone()),
-        _ => Err(ImportError::SeveralSeries { folder: folder.to_owned(), series: told() }),
+        _ => Err(ImportError::SeveralSeries { folder: folder.to_owned(), series: texts() }),
     }
 }
 

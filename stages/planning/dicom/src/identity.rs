@@ -17,12 +17,12 @@ use crate::layout::LayoutError;
 
 /// Whose plan it is.
 #[derive(Clone, Default, PartialEq, Eq)]
-pub struct Identity {
-    pub(crate) kept: Option<Kept>,
+pub struct CaseIdentity {
+    pub(crate) retained: Option<StoredIdentity>,
 }
 
 #[derive(Clone, Default, PartialEq, Eq)]
-pub(crate) struct Kept {
+pub(crate) struct StoredIdentity {
     pub name: String,
     pub id: String,
     pub birth_date: String,
@@ -30,20 +30,20 @@ pub(crate) struct Kept {
 }
 
 /// Says whether there is an identity, never which.
-impl fmt::Debug for Identity {
+impl fmt::Debug for CaseIdentity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.kept.is_some() { "Identity(kept)" } else { "Identity(none)" })
+        f.write_str(if self.retained.is_some() { "Identity(kept)" } else { "Identity(none)" })
     }
 }
 
-impl Identity {
+impl CaseIdentity {
     /// Nobody's: name, ID and birth date stay empty.
     pub fn none() -> Self {
         Self::default()
     }
 
     /// That in the source files of a case: the first file in `folder` that is of the case's study.
-    pub fn read_again(folder: &Path, case: &Uids) -> Result<Self, ImportError> {
+    pub fn read_stored(folder: &Path, case: &Uids) -> Result<Self, ImportError> {
         for path in files(folder)? {
             let data = match open(&path) {
                 Err(ImportError::Read { source: ReadError::Layout(LayoutError::NotDicom), .. }) => continue,
@@ -59,7 +59,7 @@ impl Identity {
                     .map_err(|source| ImportError::Read { path: path.clone(), source: source.into() })
             };
             return Ok(Self {
-                kept: Some(Kept {
+                retained: Some(StoredIdentity {
                     name: text(tags::PATIENT_NAME)?,
                     id: text(tags::PATIENT_ID)?,
                     birth_date: text(tags::PATIENT_BIRTH_DATE)?,

@@ -16,13 +16,13 @@ use crate::cut::{Cut, cut};
 use crate::dataset::ReadError;
 use crate::element::{TagError, uid};
 use crate::find::{DEEPEST, Found, find, read_error};
+use crate::import_messages::sentences;
 use crate::names;
 use crate::property::{self, Material};
 use crate::raster::{Rastered, rasterise};
 use crate::roi::{self, Roi, Rois};
 use crate::series::{SeriesError, Volume, volume};
 use crate::slice::{Reading, Slice};
-use crate::told::sentences;
 
 /// What the files do not say.
 #[derive(Clone, Debug)]
@@ -240,7 +240,7 @@ fn drawn<'a>(
         let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
         match cut(own, role, &drawn, request.allowed_cut_cm3) {
             Cut::Whole => {}
-            Cut::Said(text) => notes.push(text),
+            Cut::Note(text) => notes.push(text),
             Cut::Refused(text) => {
                 refused.push(text);
                 continue;

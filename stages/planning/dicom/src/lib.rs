@@ -15,7 +15,7 @@
 //! - `names`: names of regions as names of structures
 //! - `property`: density overrides, boluses and couches
 //! - `raster`: contours to masks
-//! - `told`: what is said of a structure whose voxels are not plainly its contours
+//! - `texts`: what is said of a structure whose voxels are not plainly its contours
 //! - `cut`: structures that the end of the images cuts
 //! - `find`: the images and structure sets in a folder
 //! - `import`: a folder to a case
@@ -34,6 +34,7 @@ mod element;
 mod find;
 mod identity;
 mod import;
+mod import_messages;
 mod layout;
 mod names;
 mod outlines;
@@ -46,13 +47,12 @@ mod roi;
 mod series;
 mod slice;
 mod structures;
-mod told;
 mod write;
 
 pub use dataset::{DataSet, ReadError};
 pub use dose::{PlannedDose, dose_file};
 pub use element::TagError;
-pub use identity::Identity;
+pub use identity::CaseIdentity;
 pub use import::{ImportError, Request, import_folder};
 pub use layout::LayoutError;
 pub use plan::{Beam, LeafSegment, Machine, Plan, plan_file};

@@ -27,10 +27,10 @@ pub fn outlines([width, height]: [usize; 2], inside: impl Fn(usize, usize) -> bo
         let (first, mut at) = (*first, *first);
         let (mut corners, mut before): (Vec<[usize; 2]>, Option<[i64; 2]>) = (Vec::new(), None);
         while let Some(ends) = from.get_mut(&at) {
-            let way = |end: &[usize; 2]| [0, 1].map(|k| end[k] as i64 - at[k] as i64);
+            let direction = |end: &[usize; 2]| [0, 1].map(|k| end[k] as i64 - at[k] as i64);
             // Where two polygons touch, a left turn stays with the voxel that the way came along.
             let left = before.map(|[dx, dy]: [i64; 2]| [-dy, dx]);
-            let choice = ends.iter().position(|end| Some(way(end)) == left).unwrap_or(0);
+            let choice = ends.iter().position(|end| Some(direction(end)) == left).unwrap_or(0);
             let next = ends.swap_remove(choice);
             if ends.is_empty() {
                 from.remove(&at);

@@ -228,7 +228,7 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
         "POINT" | "OPEN_PLANAR" | "OPEN_NONPLANAR" => return Ok(Drawing::Line),
         _ => return wrong(tags::CONTOUR_GEOMETRIC_TYPE, kind, "CLOSED_PLANAR is due"),
     };
-    let due = match text_if_any(item, tags::NUMBER_OF_CONTOUR_POINTS)? {
+    let expected = match text_if_any(item, tags::NUMBER_OF_CONTOUR_POINTS)? {
         None => None,
         // Some writers divide, and write the quotient.
         Some(count) => match count.parse::<f64>() {
@@ -236,7 +236,7 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
             _ => return wrong(tags::NUMBER_OF_CONTOUR_POINTS, count, "a whole number is due"),
         },
     };
-    if text_if_any(item, tags::CONTOUR_DATA)?.is_none() && due.is_none_or(|points| points == 0.0) {
+    if text_if_any(item, tags::CONTOUR_DATA)?.is_none() && expected.is_none_or(|points| points == 0.0) {
         return Ok(Drawing::Empty);
     }
     let values = padded_numbers(item, tags::CONTOUR_DATA)?;
@@ -244,7 +244,7 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
     if values.len() % 3 != 0 {
         return wrong(tags::CONTOUR_DATA, found(), "three numbers for each point are due");
     }
-    if due.is_some_and(|points| points != (values.len() / 3) as f64) {
+    if expected.is_some_and(|points| points != (values.len() / 3) as f64) {
         return wrong(
             tags::CONTOUR_DATA,
             found(),

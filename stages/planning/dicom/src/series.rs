@@ -50,7 +50,7 @@ pub enum SeriesError {
     },
     /// An image is missing.
     #[error(
-        "{}: (0020,0032) ImagePositionPatient is {found_mm:.3} mm from the next, {}, where others are {due_mm:.3} mm apart: \
+        "{}: (0020,0032) ImagePositionPatient is {found_mm:.3} mm from the next, {}, where others are {expected_mm:.3} mm apart: \
          an image is missing, or the series is not evenly spaced; export it again, or resample it",
         file.display(), next.display()
     )]
@@ -62,7 +62,7 @@ pub enum SeriesError {
         /// Their distance, mm.
         found_mm: f64,
         /// The distance of most images, mm.
-        due_mm: f64,
+        expected_mm: f64,
     },
 }
 
@@ -93,7 +93,7 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> 
         }
     }
     let mut notes = Vec::new();
-    let due_mm = evenly(&slices, &mut notes)?;
+    let expected_mm = evenly(&slices, &mut notes)?;
     notes.extend(first.unit.clone());
     let clipped: usize = slices.iter().map(|(_, slice)| slice.clipped).sum();
     if let Some((file, _)) = slices.iter().find(|(_, slice)| slice.clipped > 0) {
@@ -104,7 +104,7 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> 
     }
     let grid = Grid {
         counts: [first.counts[0], first.counts[1], slices.len()],
-        spacing_mm: [first.spacing_mm[0], first.spacing_mm[1], due_mm],
+        spacing_mm: [first.spacing_mm[0], first.spacing_mm[1], expected_mm],
         origin_mm: first.position_mm,
     };
     let mut hu = Vec::with_capacity(slices.iter().map(|(_, s)| s.hu.len()).sum());
@@ -123,10 +123,11 @@ fn evenly(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) -> Result<f64, S
     }
     let unsorted = steps.clone();
     steps.sort_by(f64::total_cmp);
-    let due_mm = steps[steps.len() / 2];
+    let expected_mm = steps[steps.len() / 2];
     // The mean keeps the last image where it is.
     let mean_mm = (z_mm(slices.len() - 1) - z_mm(0)) / (slices.len() - 1) as f64;
-    let uneven = unsorted.iter().position(|step| (step - due_mm).abs() > (GAP * due_mm).max(SAME_MM));
+    let uneven =
+        unsorted.iter().position(|step| (step - expected_mm).abs() > (GAP * expected_mm).max(SAME_MM));
     let Some(i) = uneven else { return Ok(mean_mm) };
     let off_mm = (0..slices.len())
         .map(|place| (z_mm(place) - z_mm(0) - mean_mm * place as f64).abs())
@@ -140,7 +141,7 @@ fn evenly(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) -> Result<f64, S
         return Ok(mean_mm);
     }
     let (file, next) = (slices[i].0.clone(), slices[i + 1].0.clone());
-    Err(SeriesError::Gap { file, next, found_mm: unsorted[i], due_mm })
+    Err(SeriesError::Gap { file, next, found_mm: unsorted[i], expected_mm })
 }
 
 /// What two images of one volume must share but do not.

@@ -142,10 +142,10 @@ fn unit(object: &InMemDicomObject, scale: Scale) -> Result<Option<String>, TagEr
         kernel.strip_prefix("Sd").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
     };
     if is_density(&kernel) {
-        let said = format!(
+        let message = format!(
             "the kernel {kernel} makes values that are proportional to density: the density table of the machine must be that of this kernel"
         );
-        return Ok(Some(said));
+        return Ok(Some(message));
     }
     let Some(unit) = text_if_any(object, tags::RESCALE_TYPE)? else { return Ok(None) };
     let also = "another density table is required (`plan --machine FILE`)";
@@ -165,7 +165,9 @@ fn unit(object: &InMemDicomObject, scale: Scale) -> Result<Option<String>, TagEr
 /// Whether rows and columns run against x and y. Refuses images that are not across the patient.
 fn reversed(object: &InMemDicomObject) -> Result<[bool; 2], TagError> {
     let found: [f64; 6] = exactly(object, tags::IMAGE_ORIENTATION_PATIENT)?;
-    let is = |due: [f64; 6]| found.iter().zip(due).all(|(found, due)| (found - due).abs() <= OBLIQUE);
+    let is = |expected: [f64; 6]| {
+        found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= OBLIQUE)
+    };
     for (row, column) in [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)] {
         if is([row, 0.0, 0.0, 0.0, column, 0.0]) {
             return Ok([row < 0.0, column < 0.0]);

@@ -10,7 +10,7 @@ use dicom_object::meta::FileMetaTableBuilder;
 use stillpoint_patient::case::{Case, ContentHash, Uid, Uids};
 use thiserror::Error;
 
-use crate::identity::Identity;
+use crate::identity::CaseIdentity;
 
 /// Slices whose offsets fit into one element of 65534 bytes.
 pub(crate) const MOST_FRAMES: usize = 3800;
@@ -23,7 +23,7 @@ pub struct Export<'a> {
     /// Study, frame of reference and structure set of the case.
     pub uids: &'a Uids,
     /// Whose it is.
-    pub identity: &'a Identity,
+    pub identity: &'a CaseIdentity,
 }
 
 /// An object, ready to be a file.
@@ -145,12 +145,12 @@ impl Writer {
         self.put(tags::MANUFACTURER, VR::LO, "stillpoint (research software)");
         self.put(tags::MANUFACTURER_MODEL_NAME, VR::LO, "stillpoint");
         self.put(tags::SOFTWARE_VERSIONS, VR::LO, env!("CARGO_PKG_VERSION"));
-        match &export.identity.kept {
-            Some(kept) => {
-                self.put(tags::PATIENT_NAME, VR::PN, kept.name.as_str());
-                self.put(tags::PATIENT_ID, VR::LO, kept.id.as_str());
-                self.put(tags::PATIENT_BIRTH_DATE, VR::DA, PrimitiveValue::Str(kept.birth_date.clone()));
-                self.put(tags::PATIENT_SEX, VR::CS, kept.sex.as_str());
+        match &export.identity.retained {
+            Some(retained) => {
+                self.put(tags::PATIENT_NAME, VR::PN, retained.name.as_str());
+                self.put(tags::PATIENT_ID, VR::LO, retained.id.as_str());
+                self.put(tags::PATIENT_BIRTH_DATE, VR::DA, PrimitiveValue::Str(retained.birth_date.clone()));
+                self.put(tags::PATIENT_SEX, VR::CS, retained.sex.as_str());
             }
             None => {
                 self.empty(tags::PATIENT_NAME, VR::PN).empty(tags::PATIENT_ID, VR::LO);

@@ -165,7 +165,7 @@ fn sequences_that_nest_without_end_are_refused() {
             bytes.extend(head);
             bytes.extend(b"\xfe\xff\x00\xe0\xff\xff\xff\xff");
         }
-        let said = DataSet::read(&bytes).unwrap_err().to_string();
-        assert!(said.contains("nest more than 16 deep at (3006,0039)"), "{said}");
+        let message = DataSet::read(&bytes).unwrap_err().to_string();
+        assert!(message.contains("nest more than 16 deep at (3006,0039)"), "{message}");
     }
 }

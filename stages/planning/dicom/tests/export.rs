@@ -4,7 +4,7 @@ use std::process::Command;
 
 use proptest::prelude::*;
 use stillpoint_dicom::{
-    Beam, DataSet, Export, ExportError, Identity, LeafSegment, Machine, Plan, PlannedDose, dose_file,
+    Beam, CaseIdentity, DataSet, Export, ExportError, LeafSegment, Machine, Plan, PlannedDose, dose_file,
     plan_file, structure_file, uids_of,
 };
 use stillpoint_patient::Grid;
@@ -65,7 +65,7 @@ fn plan<'a>(beams: &'a [Beam], prescription: &'a [Prescription]) -> Plan<'a> {
 
 #[test]
 fn the_same_plan_makes_the_same_bytes_and_another_plan_other_uids() {
-    let (uids, identity) = (uids(), Identity::none());
+    let (uids, identity) = (uids(), CaseIdentity::none());
     let export = Export { uids: &uids, identity: &identity };
     let (beams, prescription) = (beams(), prescription());
     let first = plan_file(&export, &plan(&beams, &prescription)).unwrap();
@@ -93,35 +93,35 @@ fn exported_structures_are_read_back_as_the_same_voxels() {
     let read = || stillpoint_dicom::import_folder(folder.path(), &request(&names)).unwrap().case;
     let case = read();
     let uids = uids_of(&case, &ContentHash([1; 32]));
-    let identity = Identity::none();
+    let identity = CaseIdentity::none();
     let file = structure_file(&Export { uids: &uids, identity: &identity }, &case).unwrap();
     assert_eq!(file.uid, uids.structure_set);
     std::fs::write(folder.path().join("rs.dcm"), file.bytes).unwrap();
-    let again = read();
+    let duplicates = read();
     assert!(case.structures().iter().any(|s| !s.mask.is_empty()));
-    assert_eq!(again.structures(), case.structures());
+    assert_eq!(duplicates.structures(), case.structures());
 }
 
 #[test]
 fn what_cannot_be_written_is_refused() {
-    let (uids, identity) = (uids(), Identity::none());
+    let (uids, identity) = (uids(), CaseIdentity::none());
     let export = Export { uids: &uids, identity: &identity };
     let (beams, prescription) = (beams(), prescription());
-    let said = |change: &dyn Fn(&mut Plan<'_>, &mut Vec<Beam>)| {
+    let message = |change: &dyn Fn(&mut Plan<'_>, &mut Vec<Beam>)| {
         let mut changed = beams.clone();
         let mut plan = plan(&[], &prescription);
         change(&mut plan, &mut changed);
         plan_file(&export, &Plan { beams: &changed, ..plan }).unwrap_err().to_string()
     };
-    assert!(said(&|_, b| b.clear()).contains("1 to 999 beams"));
-    assert!(said(&|p, _| p.label = "a label of more than sixteen").contains("label of a plan"));
-    assert!(said(&|p, _| p.fractions = 0).contains("number of fractions"));
-    assert!(said(&|p, _| p.machine.source_axis_mm = f64::NAN).contains("distance of the source"));
-    assert!(said(&|_, b| b[1].gantry_deg = 360.0).contains("below 360"));
-    assert!(said(&|_, b| b[1].weight = -0.1).contains("weight of a beam"));
-    assert!(said(&|_, b| b[1].isocentre_mm[2] = f64::INFINITY).contains("isocentre"));
-    assert!(said(&|_, b| b[1].field_mm[0] = [3.0, 3.0]).contains("width of a field"));
-    assert!(said(&|_, b| b[1].name = "a\\b".to_owned()).contains("name of a beam"));
+    assert!(message(&|_, b| b.clear()).contains("1 to 999 beams"));
+    assert!(message(&|p, _| p.label = "a label of more than sixteen").contains("label of a plan"));
+    assert!(message(&|p, _| p.fractions = 0).contains("number of fractions"));
+    assert!(message(&|p, _| p.machine.source_axis_mm = f64::NAN).contains("distance of the source"));
+    assert!(message(&|_, b| b[1].gantry_deg = 360.0).contains("below 360"));
+    assert!(message(&|_, b| b[1].weight = -0.1).contains("weight of a beam"));
+    assert!(message(&|_, b| b[1].isocentre_mm[2] = f64::INFINITY).contains("isocentre"));
+    assert!(message(&|_, b| b[1].field_mm[0] = [3.0, 3.0]).contains("width of a field"));
+    assert!(message(&|_, b| b[1].name = "a\\b".to_owned()).contains("name of a beam"));
     let edges = [-10.0, 0.0, 10.0];
     let leaves = |change: &dyn Fn(&mut LeafSegment)| {
         let mut shaped = shaped_beams();
@@ -150,7 +150,7 @@ proptest! {
         values in prop::collection::vec(prop_oneof![0.0..1e-6_f32, 0.0..100.0_f32, 0.0..1e20_f32], 60),
     ) {
         use dicom_dictionary_std::tags;
-        let (uids, identity) = (uids(), Identity::none());
+        let (uids, identity) = (uids(), CaseIdentity::none());
         let dose = PlannedDose { grid: &GRID, gray: &values, plan: &uids.study };
         let file = dose_file(&Export { uids: &uids, identity: &identity }, &dose).unwrap();
         let object = DataSet::read(&file.bytes).unwrap().object;
@@ -203,10 +203,10 @@ fn pydicom_reads_the_plan_and_the_dose_back() {
         return;
     }
     let source = folder();
-    let kept = Identity::read_again(source.path(), &uids()).unwrap();
+    let retained = CaseIdentity::read_stored(source.path(), &uids()).unwrap();
     for (identity, person) in [
-        (Identity::none(), "'' '' '' '' YES"),
-        (kept, "'M\u{fc}ller^Secret' 'SECRET-4711' '19500203' 'M' None"),
+        (CaseIdentity::none(), "'' '' '' '' YES"),
+        (retained, "'M\u{fc}ller^Secret' 'SECRET-4711' '19500203' 'M' None"),
     ] {
         let lines = read_back(&python, &identity);
         assert_eq!(lines[0], "True RT Plan Storage RTPLAN 1.2.3.1 1.2.3.3");
@@ -247,7 +247,7 @@ fn pydicom_reads_the_plan_and_the_dose_back() {
     }
 }
 
-fn read_back(python: &str, identity: &Identity) -> Vec<String> {
+fn read_back(python: &str, identity: &CaseIdentity) -> Vec<String> {
     let uids = uids();
     let export = Export { uids: &uids, identity };
     let plan = plan_file(&export, &plan(&beams(), &prescription())).unwrap();
@@ -298,7 +298,7 @@ fn pydicom_reads_segments_and_monitor_units() {
         println!("skipped: {python} cannot import pydicom (set STILLPOINT_PYTHON to one that can)");
         return;
     }
-    let (uids, identity) = (uids(), Identity::none());
+    let (uids, identity) = (uids(), CaseIdentity::none());
     let (beams, prescription, edges) = (shaped_beams(), prescription(), [-10.0, 0.0, 10.0]);
     let plan = Plan { leaf_edges_mm: &edges, ..plan(&beams, &prescription) };
     let file = plan_file(&Export { uids: &uids, identity: &identity }, &plan).unwrap();

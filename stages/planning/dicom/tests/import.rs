@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dicom_core::{PrimitiveValue, VR};
 use dicom_dictionary_std::tags;
-use stillpoint_dicom::{Identity, Request, import_folder};
+use stillpoint_dicom::{CaseIdentity, Request, import_folder};
 use stillpoint_patient::case::intake::Scale;
 use stillpoint_patient::case::{Imported, NameTable, Prescription, Role, Uid, Uids, to_bytes};
 
@@ -80,10 +80,10 @@ fn a_case_keeps_uids_and_nothing_that_names_a_person() {
     for secret in ["secret", "4711", "ller", "1950", "0203"] {
         assert!(!header.contains(secret) && !format!("{case:?}").to_lowercase().contains(secret), "{secret}");
     }
-    let identity = Identity::read_again(folder.path(), &uids).unwrap();
+    let identity = CaseIdentity::read_stored(folder.path(), &uids).unwrap();
     assert_eq!(format!("{identity:?}"), "Identity(kept)");
     let other = Uids { study: uid("1.9"), ..uids };
-    assert!(Identity::read_again(folder.path(), &other).unwrap_err().to_string().contains("study 1.9"));
+    assert!(CaseIdentity::read_stored(folder.path(), &other).unwrap_err().to_string().contains("study 1.9"));
 }
 
 #[test]
@@ -126,32 +126,36 @@ fn corners_that_a_writer_rounded_are_those_of_one_volume() {
 #[test]
 fn images_that_make_no_volume_are_refused_with_file_and_tag() {
     let z = |text: &'static str| move |o: &mut _| put(o, tags::IMAGE_POSITION_PATIENT, VR::DS, text);
-    let said = refusal(2, z("-10\\-12\\106"));
+    let message = refusal(2, z("-10\\-12\\106"));
     assert!(
-        said.contains("an image is missing") && said.contains("(0020,0032)") && said.contains(&name(2)),
-        "{said}"
+        message.contains("an image is missing")
+            && message.contains("(0020,0032)")
+            && message.contains(&name(2)),
+        "{message}"
     );
-    let said = refusal(2, z("-10\\-12\\102.5"));
+    let message = refusal(2, z("-10\\-12\\102.5"));
     assert!(
-        said.contains("remove one of them") && said.contains(&name(1)) && said.contains(&name(2)),
-        "{said}"
+        message.contains("remove one of them") && message.contains(&name(1)) && message.contains(&name(2)),
+        "{message}"
     );
-    let said = refusal(3, z("-9\\-12\\107.5"));
-    assert!(said.contains("the corner in (0020,0032)") && said.contains(&name(3)), "{said}");
+    let message = refusal(3, z("-9\\-12\\107.5"));
+    assert!(message.contains("the corner in (0020,0032)") && message.contains(&name(3)), "{message}");
     let gap = folder();
     std::fs::remove_file(gap.path().join(name(2))).unwrap();
-    let said = import(gap.path()).unwrap_err();
-    assert!(said.contains("5.000 mm from the next") && said.contains(&name(1)), "{said}");
+    let message = import(gap.path()).unwrap_err();
+    assert!(message.contains("5.000 mm from the next") && message.contains(&name(1)), "{message}");
     for (tag, vr, value) in [
         (tags::STUDY_INSTANCE_UID, VR::UI, "1.2.77"),
         (tags::FRAME_OF_REFERENCE_UID, VR::UI, "1.2.77"),
         (tags::PATIENT_POSITION, VR::CS, "HFP"),
         (tags::PIXEL_SPACING, VR::DS, "3\\2.1"),
     ] {
-        let said = refusal(4, |o| put(o, tag, vr, value));
+        let message = refusal(4, |o| put(o, tag, vr, value));
         assert!(
-            said.contains(&tag.to_string()) && said.contains(&name(4)) && said.contains("one series"),
-            "{said}"
+            message.contains(&tag.to_string())
+                && message.contains(&name(4))
+                && message.contains("one series"),
+            "{message}"
         );
     }
 }
@@ -170,8 +174,11 @@ fn of_several_series_one_must_be_chosen() {
     let mut set = small_structures();
     set.take(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE);
     std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
-    let said = import(folder.path()).unwrap_err();
-    assert!(said.contains("--series") && said.contains(SERIES) && said.contains("1.2.99"), "{said}");
+    let message = import(folder.path()).unwrap_err();
+    assert!(
+        message.contains("--series") && message.contains(SERIES) && message.contains("1.2.99"),
+        "{message}"
+    );
     std::fs::write(folder.path().join("rs.dcm"), file(&small_structures())).unwrap();
     let names = NameTable::shipped().unwrap();
     let of = |uid: &str| {
@@ -199,10 +206,10 @@ fn images_of_other_kinds_and_positions_are_refused_by_tag_and_name() {
         (tags::SOP_CLASS_UID, VR::UI, "1.2.840.10008.5.1.4.1.1.2.1", "single-frame CT"),
         (tags::NUMBER_OF_FRAMES, VR::IS, "2", "one image per file"),
     ] {
-        let said = refusal(1, |o| put(o, tag, vr, value));
+        let message = refusal(1, |o| put(o, tag, vr, value));
         assert!(
-            said.contains(&tag.to_string()) && said.contains(&name(1)) && said.contains(expected),
-            "{said}"
+            message.contains(&tag.to_string()) && message.contains(&name(1)) && message.contains(expected),
+            "{message}"
         );
     }
     for tag in [
@@ -220,10 +227,12 @@ fn images_of_other_kinds_and_positions_are_refused_by_tag_and_name() {
         tags::FRAME_OF_REFERENCE_UID,
         tags::SOP_CLASS_UID,
     ] {
-        let said = refusal(1, |o| drop(o.take(tag)));
+        let message = refusal(1, |o| drop(o.take(tag)));
         assert!(
-            said.contains(&tag.to_string()) && said.contains("is missing") && said.contains(&name(1)),
-            "{said}"
+            message.contains(&tag.to_string())
+                && message.contains("is missing")
+                && message.contains(&name(1)),
+            "{message}"
         );
     }
 }
@@ -242,8 +251,11 @@ fn truncated_files_are_refused_with_the_file_and_the_tag() {
     for left in [0.5, 0.9, 0.99] {
         let end = (whole.len() as f64 * left) as usize;
         std::fs::write(folder.path().join(name(1)), &whole[..end]).unwrap();
-        let said = import(folder.path()).unwrap_err();
-        assert!(said.contains(&name(1)) && said.contains("cut off") && said.contains('('), "{said}");
+        let message = import(folder.path()).unwrap_err();
+        assert!(
+            message.contains(&name(1)) && message.contains("cut off") && message.contains('('),
+            "{message}"
+        );
     }
     // Without a word the last image would be lost: the others make a volume.
     let last = name(COUNTS[2] - 1);
@@ -252,8 +264,8 @@ fn truncated_files_are_refused_with_the_file_and_the_tag() {
         std::fs::write(folder.path().join(&last), &whole[..left]).unwrap();
         for file in [last.as_str(), "without-extension"] {
             std::fs::rename(folder.path().join(&last), folder.path().join(file)).unwrap();
-            let said = import(folder.path()).unwrap_err();
-            assert!(said.contains(file) && said.contains("ends before its first element"), "{said}");
+            let message = import(folder.path()).unwrap_err();
+            assert!(message.contains(file) && message.contains("ends before its first element"), "{message}");
             std::fs::rename(folder.path().join(file), folder.path().join(&last)).unwrap();
         }
     }
@@ -271,25 +283,27 @@ fn structure_sets_that_do_not_fit_are_refused() {
         change(&mut contour);
         with(&structure_set(vec![("ptv", "PTV", vec![contour])])).unwrap_err()
     };
-    let said = bad(&|o| put(o, tags::CONTOUR_DATA, VR::DS, "0\\0\\100\\1\\0\\100\\1\\1\\101\\0\\1\\100"));
+    let message = bad(&|o| put(o, tags::CONTOUR_DATA, VR::DS, "0\\0\\100\\1\\0\\100\\1\\1\\101\\0\\1\\100"));
     assert!(
-        said.contains("rs.dcm") && said.contains("(3006,0050)") && said.contains("one plane each"),
-        "{said}"
+        message.contains("rs.dcm") && message.contains("(3006,0050)") && message.contains("one plane each"),
+        "{message}"
     );
     assert!(bad(&|o| put(o, tags::CONTOUR_DATA, VR::DS, "0\\0\\100\\1\\0")).contains("three numbers"));
     assert!(bad(&|o| put(o, tags::NUMBER_OF_CONTOUR_POINTS, VR::IS, "5")).contains("the contour is cut off"));
     assert!(bad(&|o| put(o, tags::CONTOUR_GEOMETRIC_TYPE, VR::CS, "SOLID")).contains("(3006,0042)"));
-    let said = bad(&|o| put(o, tags::CONTOUR_DATA, VR::DS, PrimitiveValue::Empty));
-    assert!(said.contains(r#"contour 1 of "ptv": (3006,0050) ContourData is missing"#), "{said}");
+    let message = bad(&|o| put(o, tags::CONTOUR_DATA, VR::DS, PrimitiveValue::Empty));
+    assert!(message.contains(r#"contour 1 of "ptv": (3006,0050) ContourData is missing"#), "{message}");
     let none = with(&structure_set(vec![("heart", "ORGAN", Vec::new())])).unwrap_err();
     assert!(none.contains("no structure is a target"), "{none}");
     for tag in [tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_CONTOUR_SEQUENCE, tags::SOP_INSTANCE_UID] {
         let mut set = small_structures();
         set.take(tag);
-        let said = with(&set).unwrap_err();
+        let message = with(&set).unwrap_err();
         assert!(
-            said.contains("rs.dcm") && said.contains(&format!("{tag} ")) && said.contains("is missing"),
-            "{said}"
+            message.contains("rs.dcm")
+                && message.contains(&format!("{tag} "))
+                && message.contains("is missing"),
+            "{message}"
         );
     }
     let folder = folder();
@@ -336,7 +350,7 @@ fn items(
 
 #[test]
 fn two_regions_of_one_number_are_refused_by_their_names() {
-    let said = with_set(|set| {
+    let message = with_set(|set| {
         for (tag, number) in [
             (tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER),
             (tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER),
@@ -348,7 +362,10 @@ fn two_regions_of_one_number_are_refused_by_their_names() {
         }
     })
     .unwrap_err();
-    assert!(said.contains("(3006,0022)") && said.contains("outline") && said.contains("ptv"), "{said}");
+    assert!(
+        message.contains("(3006,0022)") && message.contains("outline") && message.contains("ptv"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -383,18 +400,18 @@ fn one_bad_item_is_left_out_and_told_and_stops_nothing() {
     })
     .unwrap();
     assert!(strange.left_out[0].contains(r#""outline" is drawn in another frame of reference"#));
-    let beside = folder();
-    let copy = std::fs::read(beside.path().join(name(1))).unwrap();
-    std::fs::write(beside.path().join("copy.dcm"), copy).unwrap();
-    std::fs::write(beside.path().join("._ct1.dcm"), b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X").unwrap();
+    let neighbour = folder();
+    let copy = std::fs::read(neighbour.path().join(name(1))).unwrap();
+    std::fs::write(neighbour.path().join("copy.dcm"), copy).unwrap();
+    std::fs::write(neighbour.path().join("._ct1.dcm"), b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X").unwrap();
     let mut directory = dicom_object::InMemDicomObject::new_empty();
     crate::fixture::sequence(&mut directory, tags::DIRECTORY_RECORD_SEQUENCE, Vec::new());
-    std::fs::write(beside.path().join("DICOMDIR"), file(&directory)).unwrap();
-    let Imported { case, notes, left_out } = import(beside.path()).unwrap();
+    std::fs::write(neighbour.path().join("DICOMDIR"), file(&directory)).unwrap();
+    let Imported { case, notes, left_out } = import(neighbour.path()).unwrap();
     assert_eq!((case, left_out), (expected, Vec::new()));
     let notes = notes.join("\n");
-    for said in ["DICOMDIR", "1 files are resource forks", "1 files are copies of others"] {
-        assert!(notes.contains(said), "{said}: {notes}");
+    for message in ["DICOMDIR", "1 files are resource forks", "1 files are copies of others"] {
+        assert!(notes.contains(message), "{message}: {notes}");
     }
 }
 
@@ -420,13 +437,13 @@ fn values_that_are_no_hounsfield_units_are_refused_by_tag() {
     for slice in 0..COUNTS[2] {
         replace(folder.path(), slice, |o| put(o, tags::RESCALE_TYPE, VR::LO, "EDW"));
     }
-    let said = import(folder.path()).unwrap_err();
-    assert!(said.contains("(0028,1054)") && said.contains("--any-hounsfield"), "{said}");
+    let message = import(folder.path()).unwrap_err();
+    assert!(message.contains("(0028,1054)") && message.contains("--any-hounsfield"), "{message}");
     for slice in 0..COUNTS[2] {
         replace(folder.path(), slice, |o| put(o, tags::RESCALE_INTERCEPT, VR::DS, "24"));
     }
-    let said = import(folder.path()).unwrap_err();
-    assert!(said.contains("implausible Hounsfield units"), "{said}");
+    let message = import(folder.path()).unwrap_err();
+    assert!(message.contains("implausible Hounsfield units"), "{message}");
 }
 
 #[test]
@@ -455,7 +472,7 @@ fn densities_boluses_and_couches_are_used_or_told() {
     let bolus = &case.structure("bolus").unwrap().mask;
     assert!(bolus.indices().all(|i| case.external().unwrap().mask.contains(i) && case.hu()[i] > -300));
     let notes = notes.join("\n");
-    for said in ["\"bolus\" is a bolus", "\"couch\" does not count for the dose", "set to 933 HU"] {
-        assert!(notes.contains(said), "{said}: {notes}");
+    for message in ["\"bolus\" is a bolus", "\"couch\" does not count for the dose", "set to 933 HU"] {
+        assert!(notes.contains(message), "{message}: {notes}");
     }
 }

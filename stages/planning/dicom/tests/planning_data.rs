@@ -41,14 +41,14 @@ fn the_samples_of_vendors_are_read_for_what_they_are() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         std::fs::copy(root.join("dicom_rt_samples").join(file), folder.path().join(file)).unwrap();
-        let said = import_folder(folder.path(), &request(&names)).unwrap_err().to_string();
-        assert!(said.contains(expected), "{said}");
+        let message = import_folder(folder.path(), &request(&names)).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
     }
     let bytes = std::fs::read(root.join("dicom_rt_samples/rtstruct.dcm")).unwrap();
     let object = DataSet::read(&bytes).unwrap().object;
     let frame = Uid::parse("1.2.826.0.1.3680043.8.498.2010020400001.2").unwrap();
     let rois = Rois::read(&object, &frame).unwrap().rois;
-    let told: Vec<_> = rois.iter().map(|r| (r.name.as_str(), r.role.unwrap(), r.contours.len())).collect();
+    let texts: Vec<_> = rois.iter().map(|r| (r.name.as_str(), r.role.unwrap(), r.contours.len())).collect();
     let iso = |name| (name, Role::Other, 0);
-    assert_eq!(told, [("patient", Role::External, 3), iso("Isocenter 1"), iso("Isocenter 2")]);
+    assert_eq!(texts, [("patient", Role::External, 3), iso("Isocenter 1"), iso("Isocenter 2")]);
 }

@@ -99,8 +99,8 @@ fn closed_contours_that_overlap_or_touch_are_united() {
     let both = count(ContourKind::Closed, &[[-2.0, 1.0, -4.0, 5.0]]);
     assert_eq!(count(ContourKind::Closed, &[left, right]), a + b - both);
     assert_eq!(count(ContourKind::Xor, &[left, right]), a + b - 2 * both, "PS3.3, C.8.8.6.3");
-    let beside = [1.0, 6.0, -7.0, 8.0];
-    assert_eq!(count(ContourKind::Closed, &[left, beside]), a + count(ContourKind::Closed, &[beside]));
+    let neighbour = [1.0, 6.0, -7.0, 8.0];
+    assert_eq!(count(ContourKind::Closed, &[left, neighbour]), a + count(ContourKind::Closed, &[neighbour]));
 }
 
 #[test]
@@ -114,8 +114,8 @@ fn identical_contours_count_once_however_they_are_written() {
     let finer = corners.iter().zip(corners.iter().cycle().skip(1));
     let finer: Vec<_> = finer.flat_map(|(a, b)| [*a, [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]]).collect();
     let rounded = corners.iter().map(|[x, y]| [x + 0.004, y - 0.004]).collect();
-    for again in [corners.clone(), backwards, turned, finer, rounded] {
-        let rastered = rasterise(&GRID, &[contour(50.0, corners.clone()), contour(50.0, again)]);
+    for duplicates in [corners.clone(), backwards, turned, finer, rounded] {
+        let rastered = rasterise(&GRID, &[contour(50.0, corners.clone()), contour(50.0, duplicates)]);
         assert_eq!((rastered.mask, rastered.drawn.repeated), (once.clone(), 1));
     }
     assert_eq!(count(ContourKind::Xor, &[OUTER, OUTER]), 0, "the standard's exclusive or");

@@ -72,13 +72,13 @@ fn compressed_images_are_those_that_were_compressed() {
         for (found, due) in slice.hu.iter().zip(&expected) {
             assert_eq!(found, due, "{syntax}");
         }
-        let said = DataSet::read(&compressed::image(1, syntax, &piece[..piece.len() / 2]));
-        let said = Slice::read(&said.unwrap()).unwrap_err().to_string();
-        assert!(said.contains("(7FE0,0010)") && said.contains("export"), "{syntax}: {said}");
+        let message = DataSet::read(&compressed::image(1, syntax, &piece[..piece.len() / 2]));
+        let message = Slice::read(&message.unwrap()).unwrap_err().to_string();
+        assert!(message.contains("(7FE0,0010)") && message.contains("export"), "{syntax}: {message}");
     }
     let jpeg_ls = compressed::image(1, "1.2.840.10008.1.2.4.80", &[0; 8]);
-    let said = Slice::read(&DataSet::read(&jpeg_ls).unwrap()).unwrap_err().to_string();
-    assert!(said.contains("RLE, JPEG lossless and JPEG 2000 lossless are read"), "{said}");
+    let message = Slice::read(&DataSet::read(&jpeg_ls).unwrap()).unwrap_err().to_string();
+    assert!(message.contains("RLE, JPEG lossless and JPEG 2000 lossless are read"), "{message}");
 }
 
 #[test]

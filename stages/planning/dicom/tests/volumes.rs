@@ -46,15 +46,15 @@ fn every(step_mm: f64, from_mm: f64, count: usize) -> impl Iterator<Item = f64> 
 
 #[test]
 fn a_target_that_the_scan_ends_in_is_refused_with_its_size() {
-    let said = import(vec![("PTV", "PTV", planes(every(2.5, 140.0, 12), PTV))], 1e6).unwrap_err();
+    let message = import(vec![("PTV", "PTV", planes(every(2.5, 140.0, 12), PTV))], 1e6).unwrap_err();
     // Planes up to 167.5 mm; slices end at 158.75 mm.
-    assert!(said.contains(r#""PTV" reaches 8.8 mm beyond the images toward the head"#), "{said}");
-    assert!(said.contains("0.36 of its 1.08 cm3") && said.contains("give the whole scan"), "{said}");
+    assert!(message.contains(r#""PTV" reaches 8.8 mm beyond the images toward the head"#), "{message}");
+    assert!(message.contains("0.36 of its 1.08 cm3") && message.contains("give the whole scan"), "{message}");
     let feet = import(vec![("CTV", "CTV", planes(every(2.5, 90.0, 12), PTV))], 1e6).unwrap_err();
     assert!(feet.contains(r#""CTV" reaches 8.8 mm beyond the images toward the feet"#), "{feet}");
-    let beside = planes(every(2.5, 110.0, 12), [7.0, 23.0, -1.5, 4.5]);
-    let said = import(vec![("PTV", "PTV", beside)], 1e6).unwrap_err();
-    assert!(said.contains("beyond their sides") && said.contains("1.80 of its 2.88 cm3"), "{said}");
+    let neighbour = planes(every(2.5, 110.0, 12), [7.0, 23.0, -1.5, 4.5]);
+    let message = import(vec![("PTV", "PTV", neighbour)], 1e6).unwrap_err();
+    assert!(message.contains("beyond their sides") && message.contains("1.80 of its 2.88 cm3"), "{message}");
 }
 
 #[test]
@@ -66,9 +66,12 @@ fn an_organ_that_the_scan_ends_in_needs_leave_of_that_size() {
             ("Body", "EXTERNAL", planes(every(2.5, 90.0, 30), [-9.0, 11.0, -12.0, 12.0])),
         ]
     };
-    let said = import(regions(), 0.0).unwrap_err();
-    assert!(said.contains(r#""Rectum" reaches 8.8 mm"#) && said.contains("--allow-cut 0.36cm3"), "{said}");
-    assert!(!said.contains("Body"), "{said}");
+    let message = import(regions(), 0.0).unwrap_err();
+    assert!(
+        message.contains(r#""Rectum" reaches 8.8 mm"#) && message.contains("--allow-cut 0.36cm3"),
+        "{message}"
+    );
+    assert!(!message.contains("Body"), "{message}");
     assert!(import(regions(), 0.35).is_err());
     let Imported { case, notes, .. } = import(regions(), 0.36).unwrap();
     assert!((case.volume_cm3(case.structure("Rectum").unwrap()) - 0.72).abs() < 1e-9);

@@ -9,7 +9,7 @@ use stillpoint_plan::fluence::StructureObjectives;
 use thiserror::Error;
 
 use crate::lattice::Lattice;
-use crate::view::{Aperture, View, dot};
+use crate::view::{Aperture, BeamView, dot};
 use crate::volume::{MOST_STRUCTURES, Volume};
 
 /// Version of the features: another one where the same numbers mean something else.
@@ -81,13 +81,13 @@ struct Seen {
 }
 
 impl Eye {
-    /// Looks at a case from `angles` equal steps around it. `wanted` are the objectives, as of
+    /// Looks at a case from `angles` equal steps around it. `requested` are the objectives, as of
     /// [`stillpoint_plan::objectives::ObjectiveSet`]; of each structure but targets the objective of the largest
     /// weight that limits its dose below the prescription counts. `bixel_mm` is the width of the bixels of which the beams
     /// will be made.
     pub fn of_case(
         case: &Case,
-        wanted: &[StructureObjectives],
+        requested: &[StructureObjectives],
         machine: &Machine,
         angles: usize,
         bixel_mm: f64,
@@ -104,20 +104,20 @@ impl Eye {
         if prescribed <= 0.0 || target.is_empty() {
             return Err(EyeError::NoTarget);
         }
-        let risks = risks(case, wanted, prescribed);
+        let risks = risks(case, requested, prescribed);
         if risks.is_empty() {
             return Err(EyeError::NoRisk);
         }
         let mut masks: Vec<&Mask> = vec![&target, &outline.mask];
         masks.extend(risks.iter().map(|risk| risk.mask));
         let volume = Volume::new(case, machine, &masks);
-        let views: Vec<View> = (0..angles).map(|a| View::new(case, machine, a, angles)).collect();
+        let views: Vec<BeamView> = (0..angles).map(|a| BeamView::new(case, machine, a, angles)).collect();
         let lattice = |bit: usize, spacing| points(case, &volume, bit, spacing);
         let on_target = lattice(0, POINTS_MM);
         let apertures: Vec<Aperture> =
             views.iter().map(|view| Aperture::of(view, machine, &on_target)).collect();
         let sees = |points_mm: Vec<[f64; 3]>, norms: Option<&[f64]>| {
-            let of = |(a, view): (usize, &View)| {
+            let of = |(a, view): (usize, &BeamView)| {
                 let norm = norms.map_or(1.0, |norms| norms[a]);
                 points_mm
                     .iter()
@@ -171,12 +171,15 @@ impl Eye {
     }
 }
 
-/// The structures at risk, in the order of `wanted`.
-fn risks<'a>(case: &'a Case, wanted: &[StructureObjectives], prescribed: f64) -> Vec<Risk<'a>> {
+/// The structures at risk, in the order of `requested`.
+fn risks<'a>(case: &'a Case, requested: &[StructureObjectives], prescribed: f64) -> Vec<Risk<'a>> {
     let mut risks = Vec::new();
-    for wish in wanted {
-        let Some(structure) = case.structure(&wish.name).filter(|s| s.role != Role::Target) else { continue };
-        let over = wish.objectives.iter().filter_map(|objective| {
+    for structure_objectives in requested {
+        let Some(structure) = case.structure(&structure_objectives.name).filter(|s| s.role != Role::Target)
+        else {
+            continue;
+        };
+        let over = structure_objectives.objectives.iter().filter_map(|objective| {
             let dose = objective.tolerated_gy().filter(|dose| *dose < prescribed)?;
             Some((dose, objective.weight()))
         });
@@ -238,10 +241,10 @@ struct Front {
 }
 
 impl Front {
-    fn of(volume: &Volume, view: &View, target_mm: &[[f64; 3]], structures: usize) -> Self {
-        let pass = |p: &[f64; 3], way: f64| {
+    fn of(volume: &Volume, view: &BeamView, target_mm: &[[f64; 3]], structures: usize) -> Self {
+        let pass = |p: &[f64; 3], direction: f64| {
             let (toward, _) = view.toward_source(*p);
-            volume.pass(*p, toward.map(|t| way * t), structures)
+            volume.pass(*p, toward.map(|t| direction * t), structures)
         };
         Self {
             before: target_mm.iter().map(|p| pass(p, 1.0)).collect(),
@@ -285,7 +288,7 @@ impl Front {
         risk: &Risk<'_>,
         seen: &Seen,
         a: usize,
-        view: &View,
+        view: &BeamView,
         case: &Case,
         mixed: [f64; 2],
     ) -> [f32; STRUCTURE] {

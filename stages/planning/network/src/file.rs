@@ -88,8 +88,10 @@ impl Model {
             return Err(ModelError::Sizes(meaning.sizes).into());
         }
         let tensors = SafeTensors::deserialize(bytes).map_err(form)?;
-        let due = meaning.sizes.tensors();
-        if let Some(name) = tensors.names().into_iter().find(|name| !due.iter().any(|(due, _)| due == name)) {
+        let expected = meaning.sizes.tensors();
+        if let Some(name) =
+            tensors.names().into_iter().find(|name| !expected.iter().any(|(expected, _)| expected == name))
+        {
             return Err(ModelFileError::Tensor {
                 name: (*name).to_owned(),
                 reason: "is none of the network's".into(),
@@ -106,7 +108,7 @@ impl Model {
             }
             Ok(view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
         };
-        let numbers = due.into_iter().map(read).collect::<Result<Vec<Vec<f32>>, _>>()?;
+        let numbers = expected.into_iter().map(read).collect::<Result<Vec<Vec<f32>>, _>>()?;
         let model = Self::new(meaning.sizes, numbers)?;
         if model.without() != meaning.without {
             let names = |groups: &[Group]| match groups {

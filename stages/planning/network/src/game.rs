@@ -179,7 +179,7 @@ pub fn play_on(
             let angles = usize::from(ring.count());
             let eye = Eye::of_case(
                 problem.case(),
-                problem.wanted(),
+                problem.requested(),
                 &Machine::shipped()?,
                 angles,
                 patient.coarse.bixel_mm,
@@ -221,8 +221,8 @@ impl<'a> Solved<'a> {
             None => None,
         };
         let all = rotations(self.ring, beams)?;
-        let wanted = self.rules.rotations.min(all.len());
-        let spread: Vec<BeamSet> = (0..wanted).map(|i| all[i * all.len() / wanted].clone()).collect();
+        let requested = self.rules.rotations.min(all.len());
+        let spread: Vec<BeamSet> = (0..requested).map(|i| all[i * all.len() / requested].clone()).collect();
         let rotations = self.costs(&spread)?;
         let (mut proposed, mut first) = (Vec::new(), None);
         if let Some(judgement) = judgement {

@@ -89,17 +89,17 @@ impl Judgement {
     }
 
     /// The logit of the policy: of adding an angle to those that are kept. More is better.
-    pub fn logit(&self, angle: usize, kept: &[usize]) -> f64 {
-        let pairs: f64 = kept.iter().map(|b| f64::from(self.pair_of(angle, *b)[1])).sum();
-        f64::from(self.single[angle][1]) + pairs / kept.len().max(1) as f64
+    pub fn logit(&self, angle: usize, retained: &[usize]) -> f64 {
+        let pairs: f64 = retained.iter().map(|b| f64::from(self.pair_of(angle, *b)[1])).sum();
+        f64::from(self.single[angle][1]) + pairs / retained.len().max(1) as f64
     }
 
     /// Both heads together, for a beam that is added to those that are kept. More is better.
-    pub fn score(&self, angle: usize, kept: &[usize]) -> f64 {
-        let with: Vec<usize> = kept.iter().copied().chain([angle]).collect();
+    pub fn score(&self, angle: usize, retained: &[usize]) -> f64 {
+        let with: Vec<usize> = retained.iter().copied().chain([angle]).collect();
         // Of a mean over more beams, one beam is a smaller part.
         let share = with.len() as f64;
-        POLICY_WEIGHT * self.logit(angle, kept) - share * self.value(&with)
+        POLICY_WEIGHT * self.logit(angle, retained) - share * self.value(&with)
     }
 
     fn pair_of(&self, a: usize, b: usize) -> [f32; 2] {
@@ -181,15 +181,15 @@ impl Judgement {
 
     /// The set that the policy builds, beam by beam.
     fn by_policy(&self, ring: Ring, beams: usize) -> Option<BeamSet> {
-        let mut kept: Vec<u16> = Vec::new();
-        while kept.len() < beams {
-            let legal = ring.legal(&kept);
-            let angles: Vec<usize> = kept.iter().map(|beam| self.angle_of(ring, *beam)).collect();
+        let mut retained: Vec<u16> = Vec::new();
+        while retained.len() < beams {
+            let legal = ring.legal(&retained);
+            let angles: Vec<usize> = retained.iter().map(|beam| self.angle_of(ring, *beam)).collect();
             let logit = |beam: &u16| self.logit(self.angle_of(ring, *beam), &angles);
             let best = legal.into_iter().max_by(|a, b| logit(a).total_cmp(&logit(b)))?;
-            kept.push(best);
+            retained.push(best);
         }
-        ring.set(&kept).ok()
+        ring.set(&retained).ok()
     }
 
     /// The best exchange of one beam that improves the value.
@@ -212,8 +212,8 @@ impl Judgement {
 }
 
 impl Prior for Judgement {
-    fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64> {
-        let kept: Vec<usize> = kept.iter().map(|beam| self.angle_of(ring, *beam)).collect();
-        candidates.iter().map(|beam| self.score(self.angle_of(ring, *beam), &kept)).collect()
+    fn scores(&self, ring: Ring, retained: &[u16], candidates: &[u16]) -> Vec<f64> {
+        let retained: Vec<usize> = retained.iter().map(|beam| self.angle_of(ring, *beam)).collect();
+        candidates.iter().map(|beam| self.score(self.angle_of(ring, *beam), &retained)).collect()
     }
 }

@@ -66,8 +66,8 @@ pub fn with_network(
         None => Model::shipped()?,
     };
     let grid = DoseParams::over(case.grid(), GRID_MM).grid;
-    let aims = spec.objectives.for_case(case, &grid)?;
-    let eye = Eye::of_case(case, &aims.structures, &spec.machine, ANGLES, spec.bixel_mm)?;
+    let objective_set = spec.objectives.for_case(case, &grid)?;
+    let eye = Eye::of_case(case, &objective_set.structures, &spec.machine, ANGLES, spec.bixel_mm)?;
     let judgement: Arc<dyn LearnedBeams> = Arc::new(model.judge(&eye));
     for request in requests.iter_mut().filter(|request| request.uses_network()) {
         request.network = Some(Arc::clone(&judgement));

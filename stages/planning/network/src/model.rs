@@ -29,7 +29,8 @@ pub struct Sizes {
     /// What is known of an angle at last.
     pub angle: usize,
     /// What of it goes into pairs.
-    pub beside: usize,
+    #[serde(rename = "beside")]
+    pub neighbour: usize,
     /// Hidden layer of the pairs' perceptron.
     pub pair: usize,
     /// Hidden layer of the sets' perceptron.
@@ -49,7 +50,7 @@ fn is_default_depth(layers: &usize) -> bool {
 
 impl Default for Sizes {
     fn default() -> Self {
-        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24, set: 16, layers: LAYERS }
+        Self { structure: 16, ring: 32, angle: 24, neighbour: 12, pair: 24, set: 16, layers: LAYERS }
     }
 }
 
@@ -79,7 +80,7 @@ pub mod place {
 pub struct Behind {
     pub angle: usize,
     pub single: usize,
-    pub beside: usize,
+    pub neighbour: usize,
     pub pair_1: usize,
     pub pair_2: usize,
     pub set_angle: usize,
@@ -99,7 +100,7 @@ const OF_RING: [[&str; 4]; 4] = [
 impl Sizes {
     /// Name and shape of every tensor, in order. Matrices have a row for each output.
     pub fn tensors(&self) -> Vec<(&'static str, Vec<usize>)> {
-        let Self { structure, ring, angle, beside, pair, set, layers } = *self;
+        let Self { structure, ring, angle, neighbour, pair, set, layers } = *self;
         let mut all = vec![
             ("target.mean", vec![TARGET]),
             ("target.scale", vec![TARGET]),
@@ -122,8 +123,8 @@ impl Sizes {
             ("angle.bias", vec![angle]),
             ("single.weight", vec![2, angle]),
             ("single.bias", vec![2]),
-            ("beside.weight", vec![beside, angle]),
-            ("pair.1.weight", vec![pair, PAIR + 2 * beside]),
+            ("beside.weight", vec![neighbour, angle]),
+            ("pair.1.weight", vec![pair, PAIR + 2 * neighbour]),
             ("pair.1.bias", vec![pair]),
             ("pair.2.weight", vec![2, pair]),
             ("pair.2.bias", vec![2]),
@@ -141,7 +142,7 @@ impl Sizes {
         Behind {
             angle,
             single: angle + 2,
-            beside: angle + 4,
+            neighbour: angle + 4,
             pair_1: angle + 5,
             pair_2: angle + 7,
             set_angle: angle + 9,
@@ -153,8 +154,8 @@ impl Sizes {
 
     /// Whether every width is from 1 to [`WIDEST`], and the depth from 1 to 4.
     pub fn are_sound(&self) -> bool {
-        let Self { structure, ring, angle, beside, pair, set, layers } = *self;
-        let widths = [structure, ring, angle, beside, pair, set];
+        let Self { structure, ring, angle, neighbour, pair, set, layers } = *self;
+        let widths = [structure, ring, angle, neighbour, pair, set];
         widths.iter().all(|width| (1..=WIDEST).contains(width)) && (1..=TAPS.len()).contains(&layers)
     }
 }
@@ -249,9 +250,9 @@ impl Model {
     /// What the network says of a case.
     pub fn judge(&self, eye: &Eye) -> Judgement {
         let (angles, at) = (self.angles(eye), self.sizes.behind());
-        let beside: Vec<Vec<f32>> = angles
+        let neighbour: Vec<Vec<f32>> = angles
             .iter()
-            .map(|h| product(&self.numbers[at.beside], h, vec![0.0; self.sizes.beside]))
+            .map(|h| product(&self.numbers[at.neighbour], h, vec![0.0; self.sizes.neighbour]))
             .collect();
         let single = angles.iter().map(|h| two(&self.dense(at.single, h))).collect();
         let (count, width) = (eye.angles, self.sizes.set);
@@ -259,19 +260,19 @@ impl Model {
         let of_angles = angles.iter().flat_map(|h| in_set(at.set_angle, h)).collect();
         let mut of_pairs = vec![0.0; count * count * width];
         let mut pair = vec![[0.0; 2]; count * count];
-        let mut input = vec![0.0; PAIR + 2 * self.sizes.beside];
+        let mut input = vec![0.0; PAIR + 2 * self.sizes.neighbour];
         for a in 0..count {
             for b in a + 1..count {
                 self.scaled(place::PAIR_MEAN, &eye.pairs[a * count + b], &mut input[..PAIR]);
-                for (i, (x, y)) in beside[a].iter().zip(&beside[b]).enumerate() {
+                for (i, (x, y)) in neighbour[a].iter().zip(&neighbour[b]).enumerate() {
                     input[PAIR + i] = x + y;
-                    input[PAIR + self.sizes.beside + i] = (x - y).abs();
+                    input[PAIR + self.sizes.neighbour + i] = (x - y).abs();
                 }
                 let hidden = rectified(self.dense(at.pair_1, &input));
-                let said = two(&self.dense(at.pair_2, &hidden));
+                let predicted = two(&self.dense(at.pair_2, &hidden));
                 let known = in_set(at.set_pair, &hidden);
                 for place in [a * count + b, b * count + a] {
-                    pair[place] = said;
+                    pair[place] = predicted;
                     of_pairs[width * place..width * (place + 1)].copy_from_slice(&known);
                 }
             }

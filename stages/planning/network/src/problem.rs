@@ -75,8 +75,8 @@ impl Problem {
     }
 
     /// The objectives, structure by structure; voxels are rows of the doses.
-    pub fn wanted(&self) -> &[StructureObjectives] {
-        &self.setup.aims.structures
+    pub fn requested(&self) -> &[StructureObjectives] {
+        &self.setup.objective_set.structures
     }
 
     /// The same, checked.
@@ -103,7 +103,7 @@ impl Problem {
 
     /// The goals in two parts: of what moves through the beams with the patient, and of the outline, which counts as planned.
     pub fn parts(&self) -> Result<[Goals; 2], ObjectiveSetError> {
-        self.setup.aims.parts()
+        self.setup.objective_set.parts()
     }
 
     /// Rows of the dose matrices.

@@ -14,7 +14,7 @@ const CELLS: i32 = 40;
 const ATTENUATION: f64 = 0.0045;
 
 /// The direction of the source, and the axes of the beam's eye, in the patient's frame.
-pub struct View {
+pub struct BeamView {
     source_mm: [f64; 3],
     /// To the source.
     pub toward: [f64; 3],
@@ -24,7 +24,7 @@ pub struct View {
     pub along: [f64; 3],
 }
 
-impl View {
+impl BeamView {
     /// From angle `a` of so many equal steps around the isocentre of a case.
     pub fn new(case: &Case, machine: &Machine, a: usize, angles: usize) -> Self {
         let (sin, cos) = libm::sincos(core::f64::consts::TAU * a as f64 / angles as f64);
@@ -50,7 +50,7 @@ const ROW: i32 = 2 * CELLS + 1;
 
 impl Aperture {
     /// Of the points of the target.
-    pub fn of(view: &View, machine: &Machine, target_mm: &[[f64; 3]]) -> Self {
+    pub fn of(view: &BeamView, machine: &Machine, target_mm: &[[f64; 3]]) -> Self {
         let mut open = vec![false; (ROW * ROW) as usize];
         let places: Vec<[f64; 2]> = target_mm.iter().map(|p| view.on_plane(machine, *p)).collect();
         for place in &places {
@@ -70,7 +70,7 @@ impl Aperture {
     }
 
     /// What an open field through the aperture brings to a point: the inverse square and the attenuation of the primary.
-    pub fn fluence(&self, volume: &Volume, view: &View, machine: &Machine, at_mm: [f64; 3]) -> f64 {
+    pub fn fluence(&self, volume: &Volume, view: &BeamView, machine: &Machine, at_mm: [f64; 3]) -> f64 {
         let [x, z] = view.on_plane(machine, at_mm).map(|mm| (mm / CELL_MM).round() as i32);
         if !cell(x, z).is_some_and(|cell| self.open[cell]) {
             return 0.0;
@@ -90,7 +90,7 @@ fn cell(x: i32, z: i32) -> Option<usize> {
     (x.abs() <= CELLS && z.abs() <= CELLS).then(|| ((z + CELLS) * ROW + x + CELLS) as usize)
 }
 
-impl View {
+impl BeamView {
     /// A point of the patient on the isocentre plane: across the couch and along it, mm.
     pub fn on_plane(&self, machine: &Machine, at_mm: [f64; 3]) -> [f64; 2] {
         let from: [f64; 3] = std::array::from_fn(|axis| at_mm[axis] - self.source_mm[axis]);
@@ -122,9 +122,9 @@ impl View {
 
     /// The direction from a point to the source, and the distance, mm.
     pub fn toward_source(&self, at_mm: [f64; 3]) -> ([f64; 3], f64) {
-        let way: [f64; 3] = std::array::from_fn(|axis| self.source_mm[axis] - at_mm[axis]);
-        let distance = libm::sqrt(dot(way, way)).max(1.0);
-        (way.map(|w| w / distance), distance)
+        let direction: [f64; 3] = std::array::from_fn(|axis| self.source_mm[axis] - at_mm[axis]);
+        let distance = libm::sqrt(dot(direction, direction)).max(1.0);
+        (direction.map(|w| w / distance), distance)
     }
 }
 

@@ -109,12 +109,12 @@ impl Volume {
                 + 0.5
         };
         let begin: [f64; 3] = std::array::from_fn(|axis| place(axis, 0.5 * STEP_MM));
-        let way: [f64; 3] =
+        let to_source: [f64; 3] =
             std::array::from_fn(|axis| STEP_MM * direction[axis] / self.grid.spacing_mm[axis]);
         let ends = self.grid.counts.map(|n| n as f64);
         for number in 0_u32.. {
             let n = f64::from(number);
-            let at: [f64; 3] = std::array::from_fn(|axis| begin[axis] + n * way[axis]);
+            let at: [f64; 3] = std::array::from_fn(|axis| begin[axis] + n * to_source[axis]);
             if (0..3).any(|axis| !(at[axis] >= 0.0 && at[axis] < ends[axis])) {
                 return;
             }

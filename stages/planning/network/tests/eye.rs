@@ -66,7 +66,7 @@ fn patient(origin_mm: [f64; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> Case {
     .unwrap()
 }
 
-fn wanted() -> Vec<StructureObjectives> {
+fn requested() -> Vec<StructureObjectives> {
     let over = |name: &str, dose, weight| StructureObjectives {
         name: name.into(),
         voxels: Vec::new(),
@@ -83,7 +83,7 @@ fn wanted() -> Vec<StructureObjectives> {
 }
 
 fn eye(case: &Case) -> Eye {
-    Eye::of_case(case, &wanted(), &Machine::shipped().unwrap(), ANGLES, 10.0).unwrap()
+    Eye::of_case(case, &requested(), &Machine::shipped().unwrap(), ANGLES, 10.0).unwrap()
 }
 
 /// Whether angle `a` of one patient sees what angle `to(a)` of the other sees.
@@ -150,7 +150,7 @@ fn cases_that_cannot_be_seen_are_refused() {
     let case = patient([0.0; 3], |p| p);
     let machine = Machine::shipped().unwrap();
     assert_eq!(Eye::of_case(&case, &[], &machine, ANGLES, 10.0), Err(EyeError::NoRisk));
-    assert_eq!(Eye::of_case(&case, &wanted(), &machine, 4, 10.0), Err(EyeError::Angles(4)));
+    assert_eq!(Eye::of_case(&case, &requested(), &machine, 4, 10.0), Err(EyeError::Angles(4)));
 }
 
 /// What an organ tolerates is what its objective says, whatever its shape.
@@ -159,7 +159,7 @@ fn every_objective_that_limits_the_dose_of_an_organ_is_seen() {
     let (case, machine) = (patient([0.0; 3], |p| p), Machine::shipped().unwrap());
     let seen = |text: &str| {
         let spec: ObjectiveSpec = serde_json::from_str(text).unwrap();
-        let mut structures = wanted();
+        let mut structures = requested();
         structures[1].objectives = vec![spec.resolve(60.0, 60.0)];
         Eye::of_case(&case, &structures, &machine, ANGLES, 10.0).unwrap()
     };

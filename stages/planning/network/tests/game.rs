@@ -76,7 +76,7 @@ fn a_problem_counts_every_structure_by_its_volume() {
         let problem = patient.problem().unwrap();
         let grid = stillpoint_plan::dose::DoseParams::over(problem.case().grid(), 8.0).grid;
         let whole = patient.objectives().unwrap().for_case(problem.case(), &grid).unwrap();
-        for (structure, all) in problem.wanted().iter().zip(&whole.structures) {
+        for (structure, all) in problem.requested().iter().zip(&whole.structures) {
             assert_eq!(structure.name, all.name);
             let volume: f64 = structure.volumes.iter().sum();
             assert!((volume - all.voxels.len() as f64).abs() < 1e-6, "{}", structure.name);

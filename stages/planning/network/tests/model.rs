@@ -9,7 +9,7 @@ use stillpoint_network::model::{ModelError, TAPS, place};
 use stillpoint_network::{Group, Judgement, Model, ModelFileError, Sizes};
 use stillpoint_plan::beams::{Prior, Ring, set_of_prior};
 
-const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, beside: 2, pair: 3, set: 4, layers: 2 };
+const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, neighbour: 2, pair: 3, set: 4, layers: 2 };
 
 /// Numbers without order: the same for the same seed.
 fn noise(seed: u64) -> impl FnMut() -> f32 {
@@ -123,10 +123,10 @@ fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
     let angles: Vec<Vec<f64>> = x.iter().map(|x| layer("angle", &[&x[..], &mean].concat(), true)).collect();
     let single: Vec<[f64; 2]> =
         angles.iter().map(|h| layer("single", h, false)).map(|v| [v[0], v[1]]).collect();
-    let beside: Vec<Vec<f64>> = angles
+    let neighbour: Vec<Vec<f64>> = angles
         .iter()
         .map(|h| {
-            (0..SIZES.beside)
+            (0..SIZES.neighbour)
                 .map(|r| (0..h.len()).map(|c| number("beside.weight", r, c) * h[c]).sum())
                 .collect()
         })
@@ -137,8 +137,8 @@ fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
         for b in 0..eye.angles {
             if a != b {
                 let mut input = scaled("pair", &eye.pairs[a * eye.angles + b]);
-                input.extend((0..SIZES.beside).map(|i| beside[a][i] + beside[b][i]));
-                input.extend((0..SIZES.beside).map(|i| (beside[a][i] - beside[b][i]).abs()));
+                input.extend((0..SIZES.neighbour).map(|i| neighbour[a][i] + neighbour[b][i]));
+                input.extend((0..SIZES.neighbour).map(|i| (neighbour[a][i] - neighbour[b][i]).abs()));
                 let hidden = layer("pair.1", &input, true);
                 let out = layer("pair.2", &hidden, false);
                 pair[a * eye.angles + b] = [out[0], out[1]];
@@ -199,7 +199,7 @@ fn every_place_has_its_tensor_at_any_depth() {
         named(at.angle - 1, &format!("ring.{layers}.bias"));
         named(at.angle, "angle.weight");
         named(at.single, "single.weight");
-        named(at.beside, "beside.weight");
+        named(at.neighbour, "beside.weight");
         named(at.pair_1, "pair.1.weight");
         named(at.pair_2, "pair.2.weight");
         named(at.set_angle, "set.1.angle");

@@ -277,8 +277,8 @@ impl Check {
         };
         let mut shifted = Vec::new();
         for axis in 0..3 {
-            for way in [-bounds.shift_mm, bounds.shift_mm] {
-                shifted.push(dose(std::array::from_fn(|at| if at == axis { way } else { 0.0 }))?);
+            for direction in [-bounds.shift_mm, bounds.shift_mm] {
+                shifted.push(dose(std::array::from_fn(|at| if at == axis { direction } else { 0.0 }))?);
             }
         }
         let highest_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);

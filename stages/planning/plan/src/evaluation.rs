@@ -92,7 +92,7 @@ pub struct OnGrid<'a> {
     /// For each structure what it takes of the voxels.
     parts: Vec<Occupancy>,
     /// Volume of each that lies beside the grid, cm3.
-    beside_cm3: Vec<f64>,
+    aside_cm3: Vec<f64>,
     /// For each target what its index is of.
     treated: Vec<Option<Treated>>,
     /// All targets.
@@ -116,8 +116,9 @@ impl<'a> OnGrid<'a> {
     /// The structures of a case on this grid.
     pub fn new(case: &'a Case, grid: &Grid) -> Self {
         let on_grid = |mask: &Mask| Occupancy::of(grid, case.grid(), mask);
-        let union = |wanted: &dyn Fn(&Structure) -> bool| {
-            let masks: Vec<&Mask> = case.structures().iter().filter(|s| wanted(s)).map(|s| &s.mask).collect();
+        let union = |requested: &dyn Fn(&Structure) -> bool| {
+            let masks: Vec<&Mask> =
+                case.structures().iter().filter(|s| requested(s)).map(|s| &s.mask).collect();
             on_grid(&Mask::from_fn(case.grid().len(), |i| masks.iter().any(|m| m.contains(i))))
         };
         let parts: Vec<Occupancy> = case.structures().iter().map(|s| on_grid(&s.mask)).collect();
@@ -138,11 +139,11 @@ impl<'a> OnGrid<'a> {
             Some(Treated { volume, around })
         };
         let treated = case.structures().iter().map(treated).collect();
-        let beside = |(structure, parts): (&Structure, &Occupancy)| {
+        let neighbour = |(structure, parts): (&Structure, &Occupancy)| {
             (case.volume_cm3(structure) - parts.volume_cm3(grid)).max(0.0)
         };
-        let beside_cm3 = case.structures().iter().zip(&parts).map(beside).collect();
-        Self { case, grid: *grid, parts, treated, beside_cm3, targets, far, entry }
+        let aside_cm3 = case.structures().iter().zip(&parts).map(neighbour).collect();
+        Self { case, grid: *grid, parts, treated, aside_cm3, targets, far, entry }
     }
 
     /// The grid.
@@ -155,12 +156,12 @@ impl<'a> OnGrid<'a> {
     pub fn evaluate(&self, gray: &[f32]) -> Evaluation<'a> {
         let histogram = |parts: &Occupancy| parts.histogram(&self.grid, gray).ok();
         let structures = self.case.structures();
-        let whole = |(parts, beside_cm3): (&Occupancy, &f64)| match histogram(parts) {
-            Some(dvh) if *beside_cm3 > ROUNDING_CM3 => Some(dvh.with_undosed(*beside_cm3)),
-            None if *beside_cm3 > ROUNDING_CM3 => Dvh::weighted(&[0.0], &[*beside_cm3]).ok(),
+        let whole = |(parts, aside_cm3): (&Occupancy, &f64)| match histogram(parts) {
+            Some(dvh) if *aside_cm3 > ROUNDING_CM3 => Some(dvh.with_undosed(*aside_cm3)),
+            None if *aside_cm3 > ROUNDING_CM3 => Dvh::weighted(&[0.0], &[*aside_cm3]).ok(),
             found => found,
         };
-        let all: Vec<Option<Dvh>> = self.parts.iter().zip(&self.beside_cm3).map(whole).collect();
+        let all: Vec<Option<Dvh>> = self.parts.iter().zip(&self.aside_cm3).map(whole).collect();
         let external = structures.iter().position(|s| s.role == Role::External);
         let body = external.and_then(|place| all[place].as_ref());
         let fall_off = || {
@@ -182,16 +183,16 @@ impl<'a> OnGrid<'a> {
         };
         let conformities: Vec<Option<f64>> = structures.iter().zip(&self.treated).map(conformity).collect();
         let voxels = self.parts.iter().map(|parts| parts.voxels().len());
-        let (mut histograms, mut told) = (Vec::new(), Vec::new());
+        let (mut histograms, mut reported) = (Vec::new(), Vec::new());
         for (((structure, dvh), conformity), voxels) in
             structures.iter().zip(all).zip(conformities).zip(voxels)
         {
             if let Some(dvh) = dvh {
                 histograms.push((structure, dvh));
-                told.push((conformity, voxels));
+                reported.push((conformity, voxels));
             }
         }
-        Evaluation { case: self.case, histograms, told, fall_off }
+        Evaluation { case: self.case, histograms, reported, fall_off }
     }
 }
 
@@ -202,7 +203,7 @@ pub struct Evaluation<'a> {
     /// The histogram of each structure that has voxels, in the order of the case; volumes in cm3.
     pub histograms: Vec<(&'a Structure, Dvh)>,
     /// Paddick's index and the number of voxels of each of them.
-    told: Vec<(Option<f64>, usize)>,
+    reported: Vec<(Option<f64>, usize)>,
     /// How the dose falls off; nothing where the case has no target or no prescription.
     pub fall_off: Option<FallOff>,
 }
@@ -234,7 +235,7 @@ impl<'a> Evaluation<'a> {
                     conformity: *conformity,
                 }
             };
-        self.histograms.iter().zip(&self.told).map(of).collect()
+        self.histograms.iter().zip(&self.reported).map(of).collect()
     }
 }
 
@@ -302,8 +303,8 @@ fn far_and_entry(
     external.voxels().iter().for_each(|v| in_patient[*v as usize] = true);
     let to_target = distances_mm(grid, |voxel| in_target[voxel]);
     let to_air = depths_mm(grid, image, |voxel| in_patient[voxel]);
-    let chosen = |wanted: &dyn Fn(usize) -> bool| {
-        let whole = external.whole.iter().copied().filter(|v| wanted(*v as usize)).collect();
+    let chosen = |requested: &dyn Fn(usize) -> bool| {
+        let whole = external.whole.iter().copied().filter(|v| requested(*v as usize)).collect();
         Occupancy { whole, border: Vec::new() }
     };
     let far = chosen(&|voxel| to_target[voxel] > FAR_MM);

@@ -140,17 +140,17 @@ struct Near<'a> {
     gray: &'a [f32],
     place: [usize; 3],
     /// Places before, at and after it along each axis.
-    beside: [[usize; 3]; 3],
+    neighbour: [[usize; 3]; 3],
 }
 
 impl<'a> Near<'a> {
     fn new(grid: &'a Grid, gray: &'a [f32], voxel: u32) -> Self {
         let place = grid.voxel(voxel as usize);
-        let beside = std::array::from_fn(|axis| {
+        let neighbour = std::array::from_fn(|axis| {
             let at: usize = place[axis];
             [at.saturating_sub(1), at, (at + 1).min(grid.counts[axis] - 1)]
         });
-        Self { grid, gray, place, beside }
+        Self { grid, gray, place, neighbour }
     }
 
     fn dose(&self, place: [usize; 3]) -> f64 {
@@ -165,16 +165,16 @@ impl<'a> Near<'a> {
             return;
         }
         let mut around = [[[0.0; 3]; 3]; 3];
-        for (z, plane) in self.beside[2].iter().zip(&mut around) {
-            for (y, row) in self.beside[1].iter().zip(plane) {
-                for (x, dose) in self.beside[0].iter().zip(row) {
+        for (z, plane) in self.neighbour[2].iter().zip(&mut around) {
+            for (y, row) in self.neighbour[1].iter().zip(plane) {
+                for (x, dose) in self.neighbour[0].iter().zip(row) {
                     *dose = self.dose([*x, *y, *z]);
                 }
             }
         }
         let cm3 = cm3 / parts.iter().product::<usize>() as f64;
         let between = |axis: usize, part: usize, doses: [f64; 3]| {
-            let [before, at, after] = self.beside[axis];
+            let [before, at, after] = self.neighbour[axis];
             let along = offset[axis] + ((part as f64 + 0.5) / parts[axis] as f64 - 0.5) * width[axis];
             if before < at && at < after { parabola(along, doses) } else { line(along, doses) }
         };
@@ -202,7 +202,7 @@ impl<'a> Near<'a> {
     fn parts(&self, width: [f64; 3]) -> [usize; 3] {
         let own = self.dose(self.place);
         std::array::from_fn(|axis| {
-            let [before, at, after] = self.beside[axis];
+            let [before, at, after] = self.neighbour[axis];
             if before == at || after == at {
                 return 1;
             }

@@ -44,7 +44,8 @@ pub struct PlanFile {
     pub dose: PlanFileDose,
     /// Objectives as they were solved: doses in gray, over the points that count for the structure.
     #[serde(default)]
-    pub wanted: Vec<PlanFileObjectives>,
+    #[serde(rename = "wanted")]
+    pub requested: Vec<PlanFileObjectives>,
     /// The objectives with what the planned fluence gives.
     #[serde(default)]
     pub objectives: Vec<Value>,
@@ -406,8 +407,8 @@ mod tests {
     fn a_file_without_a_version_and_later_keys_is_read_and_written_back() {
         let file = PlanFile::from_json(OLDER.as_bytes()).unwrap();
         assert_eq!((file.version, file.method, file.shown().histograms.len()), (0, MethodName::TwoPlayer, 0));
-        let again = PlanFile::from_json(file.to_json().unwrap().as_bytes()).unwrap();
-        assert_eq!(again, file);
+        let repeated = PlanFile::from_json(file.to_json().unwrap().as_bytes()).unwrap();
+        assert_eq!(repeated, file);
     }
 
     #[test]

@@ -196,11 +196,11 @@ proptest! {
         ]}"#;
         let text = harmed(own.as_bytes().to_vec(), &harms);
         if let Ok(table) = ObjectiveTable::parse(&String::from_utf8_lossy(&text))
-            && let Ok(aims) = table.for_case(&CASE, CASE.grid())
-            && let Ok(goals) = aims.goals(2)
+            && let Ok(objective_set) = table.for_case(&CASE, CASE.grid())
+            && let Ok(goals) = objective_set.goals(2)
         {
             prop_assert_eq!(goals.rows(), 2 * CASE.grid().len());
-            prop_assert!(goals.problem(&[]).is_ok() || aims.structures.iter().any(|w| !w.objectives.is_empty()));
+            prop_assert!(goals.problem(&[]).is_ok() || objective_set.structures.iter().any(|w| !w.objectives.is_empty()));
         }
     }
 }

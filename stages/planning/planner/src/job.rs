@@ -13,7 +13,7 @@ use super::remote::Remote;
 
 /// How much work one part does.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct WorkShare {
     /// Beams whose doses are computed.
     pub doses: usize,
     /// Sets of beams that are solved.
@@ -88,7 +88,7 @@ impl Job {
     }
 
     /// Does the next part: computes the next doses; where all are there, makes the next solves.
-    pub fn work(&mut self, patient: &Patient, part: Part) -> Result<(), StepError> {
+    pub fn work(&mut self, patient: &Patient, part: WorkShare) -> Result<(), StepError> {
         if !self.has_doses(patient) {
             let shown = self.shown_next(patient, part);
             self.take_early_doses();
@@ -112,7 +112,7 @@ impl Job {
     }
 
     /// The next part without any computation, of what is there already. Gives whether that suffices.
-    pub fn work_from_answers(&mut self, patient: &Patient, part: Part) -> Result<bool, StepError> {
+    pub fn work_from_answers(&mut self, patient: &Patient, part: WorkShare) -> Result<bool, StepError> {
         if self.ended || !self.remote.has_news() {
             return Ok(false);
         }
@@ -145,11 +145,11 @@ impl Job {
         self.best = None;
     }
 
-    fn shown_next(&self, patient: &Patient, part: Part) -> usize {
+    fn shown_next(&self, patient: &Patient, part: WorkShare) -> usize {
         (self.shown + part.doses).min(usize::from(patient.ring().count()))
     }
 
-    fn allowed_next(&self, part: Part) -> usize {
+    fn allowed_next(&self, part: WorkShare) -> usize {
         (self.allowed + part.solves).min(self.limit)
     }
 

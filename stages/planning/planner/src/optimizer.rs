@@ -19,10 +19,10 @@ use stillpoint_samples::{
     PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody, PoolMessage, Sample, Verb,
 };
 
-use crate::job::{Asked, Job, Part};
+use crate::job::{Asked, Job, WorkShare};
 use crate::params::{Degraded, OptimizerParams, Standing, limits};
 use crate::patient::{Limits, Patient, TargetDose, case_of};
-use crate::pooled::{METRICS, Pooled, Way};
+use crate::pooled::{METRICS, PoolState, Pooled};
 use crate::protocol;
 use crate::remote::Served;
 
@@ -193,13 +193,13 @@ impl Operator for PlanOptimizer {
             return if is_tick { self.work_here(outputs) } else { Ok(()) };
         };
         if let Some(message) = activation.fresh::<PoolMessage>(ANSWERS) {
-            pool.hear(now, &message, &Served { patient: &self.patient, job: self.job.as_ref() });
+            pool.handle(now, &message, &Served { patient: &self.patient, job: self.job.as_ref() });
         }
         let worked = self.work_with(&mut pool, (now, is_tick), outputs);
         let sent = pool.send(CALLS, outputs);
-        let told = if is_tick { pool.tell(now, DIAGNOSTICS, outputs) } else { Ok(()) };
+        let reported = if is_tick { pool.report(now, DIAGNOSTICS, outputs) } else { Ok(()) };
         self.pool = Some(pool);
-        worked.and(sent).and(told)
+        worked.and(sent).and(reported)
     }
 }
 
@@ -247,8 +247,8 @@ impl PlanOptimizer {
         Ok(())
     }
 
-    fn part(&self) -> Part {
-        Part { doses: self.params.doses as usize, solves: self.params.solves as usize }
+    fn part(&self) -> WorkShare {
+        WorkShare { doses: self.params.doses as usize, solves: self.params.solves as usize }
     }
 
     /// Does the next part on this thread.
@@ -256,11 +256,11 @@ impl PlanOptimizer {
         let part = self.part();
         let Some(job) = self.job.as_mut().filter(|job| !job.ended) else { return Ok(()) };
         job.work(&self.patient, part)?;
-        self.tell_part(outputs)
+        self.send_part(outputs)
     }
 
     /// Tells what a part has brought.
-    fn tell_part(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    fn send_part(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(job) = &self.job else { return Ok(()) };
         if job.has_doses(&self.patient) && job.most_bixels() > self.params.max_bixels as usize {
             let request = job.asked.request;
@@ -298,24 +298,24 @@ impl PlanOptimizer {
         while let Some(job) = &mut self.job
             && job.work_from_answers(&self.patient, part)?
         {
-            self.tell_part(outputs)?;
+            self.send_part(outputs)?;
         }
-        let Some(job) = self.job.as_mut().filter(|job| !job.ended && turn.way != Way::Pool) else {
+        let Some(job) = self.job.as_mut().filter(|job| !job.ended && turn.state != PoolState::Pool) else {
             return Ok(());
         };
         pool.leave();
         job.leave_pool();
         self.is_here = true;
-        match (turn.way, self.params.pool.degraded) {
-            (Way::Degraded, Degraded::Keep) => {
+        match (turn.state, self.params.pool.degraded) {
+            (PoolState::Degraded, Degraded::Keep) => {
                 let request = job.asked.request;
                 self.keep_standing();
                 self.job = None;
                 self.refuse(request, PlanRefusal::Pool, outputs)
             }
-            (Way::Degraded, Degraded::Local) => {
+            (PoolState::Degraded, Degraded::Local) => {
                 job.cut_short(self.params.pool.solves as usize);
-                if job.ended { self.tell_part(outputs) } else { Ok(()) }
+                if job.ended { self.send_part(outputs) } else { Ok(()) }
             }
             _ => Ok(()),
         }

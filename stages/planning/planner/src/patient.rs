@@ -58,7 +58,7 @@ impl Patient {
         let Some(highest) = doses.max_by(|a, b| a.dose_gy.total_cmp(&b.dose_gy)) else {
             return Err(fault(&"no target has a prescription"));
         };
-        let points = setup.aims.structures.iter().find(|w| w.name == highest.structure);
+        let points = setup.objective_set.structures.iter().find(|w| w.name == highest.structure);
         let Some(points) = points.filter(|points| !points.voxels.is_empty()) else {
             return Err(fault(&format!(
                 "{} has no point on the dose grid; a finer `grid` has some",

@@ -16,7 +16,7 @@ const MOST_SENT: usize = 16;
 /// Time between two activations after which messages may wait that tell of the time between, ns.
 const LONG_STEP: u64 = 500_000_000;
 /// Bytes of answers that are kept for work that begins anew.
-const MOST_KEPT: usize = 64 << 20;
+const MOST_RETAINED: usize = 64 << 20;
 /// Metrics of a sample of diagnostics.
 pub const METRICS: usize = 9;
 
@@ -31,12 +31,12 @@ pub struct Pooled {
     last: u64,
     /// A long step lies behind: what came in meanwhile waits, and workers that are silent may have spoken.
     busy: bool,
-    told: Vec<Metric>,
+    reported: Vec<Metric>,
 }
 
 /// How the work goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum PoolState {
     /// By the answers of workers.
     Pool,
     /// By this operator, as without a pool.
@@ -48,7 +48,7 @@ pub enum Way {
 /// What time and messages brought.
 pub struct Turn {
     /// How the work goes on.
-    pub way: Way,
+    pub state: PoolState,
     /// Answers of workers that were shut out: what was made of them is in doubt.
     pub tainted: BTreeSet<Hash>,
 }
@@ -59,7 +59,7 @@ impl Pooled {
         let settings = ClientSettings {
             patience: params.patience,
             checked: params.checked,
-            most_kept: MOST_KEPT,
+            most_retained: MOST_RETAINED,
             ..ClientSettings::new(build)
         };
         Self {
@@ -69,7 +69,7 @@ impl Pooled {
             out: VecDeque::new(),
             last: now,
             busy: false,
-            told: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
@@ -80,12 +80,12 @@ impl Pooled {
     }
 
     /// Takes a message.
-    pub fn hear(&mut self, now: u64, message: &View<'_, PoolMessage>, served: &Served<'_>) {
+    pub fn handle(&mut self, now: u64, message: &View<'_, PoolMessage>, served: &Served<'_>) {
         if message.body.word == PoolWord::NoNetwork as u32 {
             self.alone = true;
         } else if let Some((from, bytes)) = topic::split(message.elements) {
             self.alone = false;
-            self.client.hear(now, from, bytes, served);
+            self.client.handle(now, from, bytes, served);
         }
     }
 
@@ -108,10 +108,10 @@ impl Pooled {
             }
             let tainted = self.client.take_tainted();
             if self.alone || !tainted.is_empty() {
-                return Ok(Turn { way: self.way(now), tainted });
+                return Ok(Turn { state: self.state(now), tainted });
             }
             let Some(job) = job.as_deref_mut().filter(|job| !job.ended) else { break };
-            if self.client.is_deserted(now) {
+            if self.client.is_without_workers(now) {
                 break;
             }
             match self.client.next_event() {
@@ -135,14 +135,14 @@ impl Pooled {
                 }
             }
         }
-        Ok(Turn { way: self.way(now), tainted: BTreeSet::new() })
+        Ok(Turn { state: self.state(now), tainted: BTreeSet::new() })
     }
 
-    fn way(&self, now: u64) -> Way {
-        match (self.alone, self.client.is_deserted(now)) {
-            (true, _) => Way::Alone,
-            (false, true) => Way::Degraded,
-            (false, false) => Way::Pool,
+    fn state(&self, now: u64) -> PoolState {
+        match (self.alone, self.client.is_without_workers(now)) {
+            (true, _) => PoolState::Alone,
+            (false, true) => PoolState::Degraded,
+            (false, false) => PoolState::Pool,
         }
     }
 
@@ -161,7 +161,7 @@ impl Pooled {
     }
 
     /// Tells how the pool does, when that is new.
-    pub fn tell(&mut self, now: u64, port: usize, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    pub fn report(&mut self, now: u64, port: usize, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let tally = self.client.tally();
         let build = self.client.build().text();
         let workers = self.client.workers().values();
@@ -176,11 +176,11 @@ impl Pooled {
             Metric::new("answers_compared", tally.compared as f64),
             Metric::new("calls_asked_twice", tally.hedged as f64),
             Metric::new("no_network", f64::from(u8::from(self.alone))),
-            Metric::new("degraded", f64::from(u8::from(self.way(now) == Way::Degraded))),
+            Metric::new("degraded", f64::from(u8::from(self.state(now) == PoolState::Degraded))),
         ];
-        if metrics != self.told {
+        if metrics != self.reported {
             outputs.send_slice::<Diagnostics>(port, &(), &metrics)?;
-            self.told = metrics;
+            self.reported = metrics;
         }
         Ok(())
     }

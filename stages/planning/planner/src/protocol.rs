@@ -49,15 +49,15 @@ fn parse(file_name: &str, text: &str) -> Result<(Protocol, Vec<String>), Faults>
 
 fn protocol(root: &Node, findings: &Findings) -> Option<(Protocol, Vec<String>)> {
     let keys = Keys::of(root.map("the protocol", "a mapping", findings)?, &KEYS, "a protocol", findings);
-    let due = |key: &str| {
+    let expected = |key: &str| {
         if keys.get(key).is_none() {
             let help = "write `name: NAME` and `limits: [...]`";
             findings.say(root.span.first(1), Code::MissingKey, format!("the protocol has no `{key}`"), help);
         }
         keys.get(key).map(|entry| &entry.value)
     };
-    let name = due("name").and_then(|node| node.scalar("the name", TEXT, findings));
-    let limits = due("limits").and_then(|node| node.list("`limits`", "a list", findings));
+    let name = expected("name").and_then(|node| node.scalar("the name", TEXT, findings));
+    let limits = expected("limits").and_then(|node| node.list("`limits`", "a list", findings));
     let site = keys.get("site").map_or(Some(Vec::new()), |entry| texts(entry, findings));
     let limits: Vec<Option<Limit>> = limits?.iter().map(|node| limit(node, findings)).collect();
     let limits: Option<Vec<Limit>> = limits.into_iter().collect();

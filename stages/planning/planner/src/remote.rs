@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use stillpoint_operator::StepError;
 use stillpoint_plan::dose::BeamFile;
-use stillpoint_pool::{Build, Call, Hash, Inside, LaterSolver, Names, PoolGround, Wanted};
+use stillpoint_pool::{Build, Call, Hash, Inside, LaterSolver, Names, PoolSetup, Requested};
 
 use super::job::{Found, Job, fault, search};
 use super::patient::Patient;
@@ -22,7 +22,7 @@ pub struct Remote {
     /// The name of goals and doses, when all doses are there.
     names: Option<Names>,
     /// Calls that were asked and have no answer.
-    open: Wanted,
+    open: Requested,
     /// Answers of solves and prices that the search has not taken yet.
     answers: BTreeMap<Hash, Arc<Vec<u8>>>,
     /// Doses that came before others: those of later angles.
@@ -50,7 +50,7 @@ impl Remote {
 }
 
 /// The search waits for answers.
-pub struct Waits(Wanted);
+pub struct Waits(Requested);
 
 impl Job {
     /// Calls that the work needs now and that were not asked before; none while answers are awaited, and at the end.
@@ -60,7 +60,7 @@ impl Job {
             return Ok(Vec::new());
         }
         self.remote.news = true;
-        let wanted = if self.doses.len() < usize::from(patient.ring().count()) {
+        let requested = if self.doses.len() < usize::from(patient.ring().count()) {
             self.dose_calls(patient, build)?
         } else {
             // The search goes on as far as it can: the parts follow.
@@ -70,32 +70,32 @@ impl Job {
             match found {
                 Ok(_) => {
                     self.remote.complete = true;
-                    Wanted::default()
+                    Requested::default()
                 }
-                Err(Waits(wanted)) => wanted,
+                Err(Waits(requested)) => requested,
             }
         };
-        self.remote.asked.extend(wanted.calls.keys());
-        self.remote.open = wanted;
+        self.remote.asked.extend(requested.calls.keys());
+        self.remote.open = requested;
         Ok(self.remote.open.calls.values().cloned().collect())
     }
 
-    fn dose_calls(&mut self, patient: &Patient, build: &Build) -> Result<Wanted, StepError> {
+    fn dose_calls(&mut self, patient: &Patient, build: &Build) -> Result<Requested, StepError> {
         if self.remote.engine.is_none() {
             let bytes = self.engine.to_bytes().map_err(|e| fault(&e))?;
             self.remote.engine = Some((Hash::of(&bytes), bytes));
         }
-        let mut wanted = Wanted::default();
-        let Some((engine, _)) = self.remote.engine else { return Ok(wanted) };
+        let mut requested = Requested::default();
+        let Some((engine, _)) = self.remote.engine else { return Ok(requested) };
         for beam in self.doses.len() as u16..patient.ring().count() {
             if !self.remote.early.contains_key(&beam) {
                 let call = Call::Dose { engine, gantry_deg: patient.ring().angle_deg(beam) };
                 let key = call.key(build);
                 self.remote.beams.insert(key, beam);
-                wanted.calls.insert(key, call);
+                requested.calls.insert(key, call);
             }
         }
-        Ok(wanted)
+        Ok(requested)
     }
 
     /// Searches by the answers that are there until so many solves are made: what was found, or what it waits for.
@@ -109,12 +109,12 @@ impl Job {
         let names =
             names.get_or_insert_with(|| Names::new(&self.doses[..], patient.goals(), patient.ring().count()));
         let Some(build) = build else { return Err(fault(&"the build of the pool is not known")) };
-        let ground = PoolGround::named(&self.doses[..], patient.goals(), names);
-        let mut solver = LaterSolver::new(&ground, build, answers);
+        let setup = PoolSetup::named(&self.doses[..], patient.goals(), names);
+        let mut solver = LaterSolver::new(&setup, build, answers);
         let (memo, found) = search(&self.doses, patient, &self.asked.search, memo, until, Some(&mut solver));
-        let wanted = solver.into_wanted();
+        let requested = solver.into_requested();
         self.memo = memo;
-        Ok(found?.ok_or(Waits(wanted)))
+        Ok(found?.ok_or(Waits(requested)))
     }
 
     /// Takes the answer of a call, which was checked.
@@ -164,7 +164,7 @@ impl Job {
 
     /// Awaits no answer any more.
     pub fn leave_pool(&mut self) {
-        self.remote.open = Wanted::default();
+        self.remote.open = Requested::default();
         self.remote.answers.clear();
         self.remote.complete = false;
     }
@@ -188,12 +188,12 @@ impl Job {
             return self.engine.beam_file(*gantry_deg).map(Some).map_err(|e| fault(&e));
         }
         let plan = match call {
-            Call::Price { beside: Some(beside), .. } => self.remote.open.plans.get(beside),
+            Call::Price { base: Some(base), .. } => self.remote.open.plans.get(base),
             _ => None,
         };
         let Some(names) = &self.remote.names else { return Ok(None) };
-        let ground = PoolGround::named(&self.doses[..], patient.goals(), names);
-        ground.compute(call, plan.map(Vec::as_slice)).map(Some).map_err(|e| fault(&e))
+        let setup = PoolSetup::named(&self.doses[..], patient.goals(), names);
+        setup.compute(call, plan.map(Vec::as_slice)).map(Some).map_err(|e| fault(&e))
     }
 }
 
@@ -224,7 +224,7 @@ impl Inside for Served<'_> {
                 job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(|e| e.to_string())
             }
             (Some(call), Some(names)) => {
-                PoolGround::named(&job.doses[..], self.patient.goals(), names).check(call, answer)
+                PoolSetup::named(&job.doses[..], self.patient.goals(), names).check(call, answer)
             }
             // An answer that nobody awaits.
             _ => Ok(()),

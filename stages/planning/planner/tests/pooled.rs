@@ -219,7 +219,7 @@ fn updates(run: &Run) -> Vec<Vec<u8>> {
 }
 
 /// Request, solves, refusal and time of each update.
-fn told(run: &Run) -> Vec<(u64, u32, u32, u64)> {
+fn reported(run: &Run) -> Vec<(u64, u32, u32, u64)> {
     let updates = run.samples::<PlanUpdate>("plans.plan");
     let at =
         |u: &stillpoint_samples::View<'_, PlanUpdate>| (u.header.stamp - stillpoint_testing::run::START) / MS;
@@ -243,7 +243,7 @@ fn updates_over_a_pool_are_those_without_one_whatever_happens_to_workers_and_mes
     assert!(expected.len() > 10);
     for pool in ["workers: 1, from: 4 s", "workers: 3, fault: storm", "fault: dies"] {
         let run = play(Some(&format!("use: test.crew, params: {{ {pool} }}")), "", 40);
-        assert!(updates(&run) == expected, "{pool}: {:?}", told(&run));
+        assert!(updates(&run) == expected, "{pool}: {:?}", reported(&run));
         assert!(metric(&run, "calls_by_workers") > 10.0, "{pool}");
         assert_eq!(metric(&run, "degraded"), 0.0, "{pool}");
     }
@@ -274,13 +274,13 @@ fn nobody_at_all_begins_the_degraded_mode_after_the_patience_and_not_before() {
     assert!(found[..4] == expected[..4]);
     assert_eq!(metric(&local, "degraded"), 1.0);
 
-    let kept = play(Some(pool), ", pool: { patience: 5 s, degraded: keep }", 40);
-    let views = kept.samples::<PlanUpdate>("plans.plan");
+    let retained = play(Some(pool), ", pool: { patience: 5 s, degraded: keep }", 40);
+    let views = retained.samples::<PlanUpdate>("plans.plan");
     let refusals: Vec<_> = views.iter().map(|u| (u.body.request, u.body.refusal(), u.body.ended)).collect();
     assert_eq!(refusals, [(0, Some(PlanRefusal::Pool), 1), (1, Some(PlanRefusal::Pool), 1)]);
     // The patience is over when the second request comes: it is answered at once.
-    let ask = kept.samples::<PlanRequest>("asks.out")[1].header.stamp;
-    assert!(stamps(&kept)[1] - ask < 200_000_000);
+    let ask = retained.samples::<PlanRequest>("asks.out")[1].header.stamp;
+    assert!(stamps(&retained)[1] - ask < 200_000_000);
 }
 
 #[test]
@@ -322,13 +322,13 @@ fn a_plan_that_stands_on_answers_of_a_worker_that_is_shut_out_later_stands_no_lo
         let pool = format!("use: test.crew, params: {{ workers: 3, fault: turns, turn: {turn} }}");
         play(Some(&pool), ", pool: { checked: 0 }", 40)
     };
-    let is_doubted = |run: &Run| told(run).iter().any(|(.., refusal, _)| *refusal != 0);
+    let is_doubted = |run: &Run| reported(run).iter().any(|(.., refusal, _)| *refusal != 0);
     let run = (5..12).map(play).find(is_doubted).unwrap();
-    let doubts: Vec<_> = told(&run).into_iter().filter(|(.., refusal, _)| *refusal != 0).collect();
-    assert_eq!(doubts.len(), 1, "{:?}", told(&run));
+    let doubts: Vec<_> = reported(&run).into_iter().filter(|(.., refusal, _)| *refusal != 0).collect();
+    assert_eq!(doubts.len(), 1, "{:?}", reported(&run));
     assert_eq!((doubts[0].0, doubts[0].2), (0, PlanRefusal::Doubt as u32));
     // What follows is what a run without a standing plan finds.
-    assert!(updates(&run).last() == expected.last(), "{:?}", told(&run));
+    assert!(updates(&run).last() == expected.last(), "{:?}", reported(&run));
     let views = run.samples::<PlanUpdate>("plans.plan");
     let standing: Vec<PlanStanding> =
         views.iter().filter(|u| u.body.ended == 1).map(|u| u.body.standing()).collect();

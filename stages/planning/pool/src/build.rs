@@ -114,11 +114,11 @@ fn probe() -> Result<Hash, String> {
         Objective::Underdose(Underdose { dose: 60.0, weight: 100.0 }),
         Objective::Overdose(Overdose { dose: 62.0, weight: 80.0 }),
     ];
-    let wanted = vec![
+    let requested = vec![
         structure("target", 22.0, target),
         structure("body", 70.0, vec![Objective::Overdose(Overdose { dose: 20.0, weight: 10.0 })]),
     ];
-    let goals = Goals::new(wanted, engine.rows()).map_err(|e| e.to_string())?;
+    let goals = Goals::new(requested, engine.rows()).map_err(|e| e.to_string())?;
     let beams: Vec<Setups<'_>> = rows.iter().map(|rows| rows.view().into()).collect();
     let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)
         .map_err(|e| e.to_string())?;

@@ -46,7 +46,7 @@ pub enum Call {
         /// The goals.
         goals: Hash,
         /// The plan: the answer of a solve. None stands for no beam.
-        beside: Option<Hash>,
+        base: Option<Hash>,
         /// Dose files of each candidate.
         candidates: Vec<BeamDoses>,
     },
@@ -127,8 +127,8 @@ impl Call {
             Self::Solve { goals, beams, .. } => {
                 std::iter::once(goals).chain(beams.iter().flatten()).copied().collect()
             }
-            Self::Price { goals, beside, candidates } => {
-                std::iter::once(goals).chain(beside).chain(candidates.iter().flatten()).copied().collect()
+            Self::Price { goals, base, candidates } => {
+                std::iter::once(goals).chain(base).chain(candidates.iter().flatten()).copied().collect()
             }
             Self::Game { network, case, .. } => network.iter().chain(case).copied().collect(),
         };

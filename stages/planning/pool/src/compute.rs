@@ -38,7 +38,7 @@ pub enum Ready {
         /// The goals.
         goals: Arc<Goals>,
         /// The plan beside which they are priced.
-        beside: Option<Arc<Plan>>,
+        base: Option<Arc<Plan>>,
         /// Doses of each candidate in each set-up.
         candidates: Vec<Vec<Arc<BeamFile>>>,
     },
@@ -72,8 +72,8 @@ impl Ready {
                 let plan = plan.map_err(|e| e.to_string())?;
                 Ok(answer::of_plan(&plan))
             }
-            Self::Price { goals, beside, candidates } => {
-                let prices = price_beams(goals, beside.as_deref(), &setups(candidates)?);
+            Self::Price { goals, base, candidates } => {
+                let prices = price_beams(goals, base.as_deref(), &setups(candidates)?);
                 Ok(answer::of_prices(&prices.map_err(|e| e.to_string())?))
             }
             Self::Game { network, case, patient, seed, rules } => {

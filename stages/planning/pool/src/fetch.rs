@@ -8,7 +8,7 @@ use crate::message::{LONGEST_CONTENT, PART};
 /// Parts that are asked for and have not arrived, at most.
 pub const OUTSTANDING: usize = 4;
 /// Time after which a part is asked for again, ns.
-const AGAIN: u64 = 2_000_000_000;
+const RETRY: u64 = 2_000_000_000;
 /// Times that a part is asked for.
 const TRIES: u32 = 15;
 
@@ -85,7 +85,7 @@ impl Fetch {
             }
             let (at, tries) = self.asked.entry(part).or_insert((now, 0));
             let is_overtaken = self.overtaken.remove(&part);
-            if *tries > 0 && !is_overtaken && now.saturating_sub(*at) < AGAIN {
+            if *tries > 0 && !is_overtaken && now.saturating_sub(*at) < RETRY {
                 continue;
             }
             if *tries >= self.tries {
@@ -176,7 +176,7 @@ mod tests {
                 due.extend(fetch.wants(now).unwrap());
                 prop_assert!(due.len() <= 8 * OUTSTANDING);
                 if due.is_empty() {
-                    now += AGAIN;
+                    now += RETRY;
                     continue;
                 }
                 let (at, fate) = deals.next().map_or((0, 1), |(at, fate)| (at.index(due.len()), fate));
@@ -221,14 +221,14 @@ mod tests {
         // The last one has none behind it: it is asked for after a while.
         [4, 5, 6].into_iter().for_each(|part| drop(take(&mut fetch, part)));
         assert!(fetch.wants(5).unwrap().is_empty());
-        assert_eq!(fetch.wants(4 + AGAIN).unwrap(), [7]);
+        assert_eq!(fetch.wants(4 + RETRY).unwrap(), [7]);
         assert_eq!(take(&mut fetch, 7), Some(content.clone()));
     }
 
     #[test]
     fn a_holder_that_is_silent_is_given_up() {
         let mut fetch = Fetch::new(Hash::of(b"wanted"));
-        let given_up = (0..100).find(|i| fetch.wants(i * AGAIN).is_err());
+        let given_up = (0..100).find(|i| fetch.wants(i * RETRY).is_err());
         assert_eq!(given_up, Some(u64::from(TRIES)));
     }
 }

@@ -8,21 +8,21 @@ use std::sync::Arc;
 
 use stillpoint_plan::beams::{BeamSet, Evaluated, Solver, Stop};
 
-use crate::ground::DoseFiles;
-use crate::{Build, Call, Hash, PoolGround, answer};
+use crate::setup::DoseFiles;
+use crate::{Build, Call, Hash, PoolSetup, answer};
 
 /// Solves and prices by answers that are there, and collects calls for the others.
 pub struct LaterSolver<'a, I: DoseFiles + ?Sized> {
-    ground: &'a PoolGround<'a, I>,
+    setup: &'a PoolSetup<'a, I>,
     build: &'a Build,
     /// By the key of the call.
     answers: &'a BTreeMap<Hash, Arc<Vec<u8>>>,
-    wanted: Wanted,
+    requested: Requested,
 }
 
 /// Calls without an answer.
 #[derive(Default)]
-pub struct Wanted {
+pub struct Requested {
     /// The calls, by key.
     pub calls: BTreeMap<Hash, Call>,
     /// The plans that they name, by name.
@@ -32,16 +32,16 @@ pub struct Wanted {
 impl<'a, I: DoseFiles + ?Sized> LaterSolver<'a, I> {
     /// With these answers, which have the form that their calls ask for.
     pub fn new(
-        ground: &'a PoolGround<'a, I>,
+        setup: &'a PoolSetup<'a, I>,
         build: &'a Build,
         answers: &'a BTreeMap<Hash, Arc<Vec<u8>>>,
     ) -> Self {
-        Self { ground, build, answers, wanted: Wanted::default() }
+        Self { setup, build, answers, requested: Requested::default() }
     }
 
     /// The calls for whose answers the search waits.
-    pub fn into_wanted(self) -> Wanted {
-        self.wanted
+    pub fn into_requested(self) -> Requested {
+        self.requested
     }
 
     /// The answers of all these calls, or none: then the calls without an answer are wanted.
@@ -51,7 +51,7 @@ impl<'a, I: DoseFiles + ?Sized> LaterSolver<'a, I> {
             keys.iter().map(|key| Some(self.answers.get(key)?.as_slice())).collect();
         if known.is_none() {
             let missing = keys.into_iter().zip(calls).filter(|(key, _)| !self.answers.contains_key(key));
-            self.wanted.calls.extend(missing);
+            self.requested.calls.extend(missing);
         }
         known
     }
@@ -64,31 +64,31 @@ impl<I: DoseFiles + ?Sized> Solver for LaterSolver<'_, I> {
         near: Option<&Evaluated>,
         tolerance: f64,
     ) -> Result<Vec<Evaluated>, Stop> {
-        let ground = self.ground;
-        let usable = sets.iter().all(|set| !set.beams().is_empty() && ground.holds(set.beams()));
+        let setup = self.setup;
+        let usable = sets.iter().all(|set| !set.beams().is_empty() && setup.holds(set.beams()));
         if sets.is_empty() || !usable {
-            return ground.local().solve(sets, near, tolerance);
+            return setup.local().solve(sets, near, tolerance);
         }
-        let answers = self.answers(ground.solve_calls(sets, near, tolerance)).ok_or(Stop::Waiting)?;
+        let answers = self.answers(setup.solve_calls(sets, near, tolerance)).ok_or(Stop::Waiting)?;
         // Answers are checked before they come here; this process finds the same.
-        ground.evaluated(sets, &answers).or_else(|_| ground.local().solve(sets, near, tolerance))
+        setup.evaluated(sets, &answers).or_else(|_| setup.local().solve(sets, near, tolerance))
     }
 
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
-        let ground = self.ground;
-        if candidates.is_empty() || !ground.holds(candidates) {
-            return ground.local().price(beside, candidates);
+    fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+        let setup = self.setup;
+        if candidates.is_empty() || !setup.holds(candidates) {
+            return setup.local().price(base, candidates);
         }
-        let (calls, plan) = ground.price_calls(beside, candidates);
+        let (calls, plan) = setup.price_calls(base, candidates);
         let counts: Vec<usize> = calls.iter().map(priced).collect();
         let Some(answers) = self.answers(calls) else {
-            self.wanted.plans.extend(plan);
+            self.requested.plans.extend(plan);
             return Err(Stop::Waiting);
         };
         let prices = answers.iter().zip(counts).map(|(bytes, count)| answer::prices(bytes, count));
         match prices.collect::<Result<Vec<_>, _>>() {
             Ok(prices) => Ok(prices.concat()),
-            Err(_) => ground.local().price(beside, candidates),
+            Err(_) => setup.local().price(base, candidates),
         }
     }
 }

@@ -14,7 +14,7 @@
 //! - `worker`, `client`: the two sides as state machines; `roster`: the workers that a client knows
 //! - `courier`: who carries messages; [`topic`]: messages as samples; [`pipe`]: messages over the pipes of a child process
 //! - `pool`: a client behind a courier
-//! - `ground`: what a search stands on, with the names of its contents
+//! - `setup`: what a search stands on, with the names of its contents
 //! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
 //! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules on the wire
 
@@ -31,7 +31,6 @@ mod fetch;
 mod game;
 mod games;
 pub mod goals;
-mod ground;
 mod hash;
 mod later;
 mod message;
@@ -39,6 +38,7 @@ mod opened;
 pub mod pipe;
 mod pool;
 mod roster;
+mod setup;
 mod solver;
 mod store;
 pub mod topic;
@@ -52,12 +52,12 @@ pub use compute::Ready;
 pub use courier::{Arrival, Courier, To};
 pub use doses::PoolDoses;
 pub use games::{Played, PoolGames};
-pub use ground::{DoseFiles, Names, PoolGround};
 pub use hash::Hash;
-pub use later::{LaterSolver, Wanted};
+pub use later::{LaterSolver, Requested};
 pub use message::{Hello, INLINE, Message, PART};
 pub use pool::{Home, Pool};
 pub use roster::WorkerState;
+pub use setup::{DoseFiles, Names, PoolSetup};
 pub use solver::PoolSolver;
 pub use store::Store;
 pub use wire::WireError;

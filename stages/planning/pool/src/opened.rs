@@ -57,7 +57,7 @@ impl Opened {
                 }
                 Ok(Ready::Solve { goals: self.goals(store, &goals, &beams)?, beams, start, tolerance })
             }
-            Call::Price { goals, beside, candidates } => {
+            Call::Price { goals, base, candidates } => {
                 let candidates = self.doses(store, &candidates)?;
                 let goals = self.goals(store, &goals, &candidates)?;
                 let voxels = goals.voxels().len();
@@ -65,14 +65,14 @@ impl Opened {
                     let plan = answer::plan(bytes, None, voxels).map_err(|e| e.to_string())?;
                     Ok(Item::Plan(Arc::new(plan)))
                 };
-                let beside = match beside {
+                let base = match base {
                     None => None,
                     Some(hash) => match self.item(store, &hash, plan)? {
                         Item::Plan(plan) if plan.pull.len() == voxels => Some(plan),
                         _ => return Err(another(&hash)),
                     },
                 };
-                Ok(Ready::Price { goals, beside, candidates })
+                Ok(Ready::Price { goals, base, candidates })
             }
             Call::Game { network, case: case_hash, patient, seed, rules } => {
                 let network = network.map(|hash| self.network(store, &hash)).transpose()?;

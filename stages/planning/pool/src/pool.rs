@@ -34,11 +34,11 @@ pub trait Home {
 pub struct Pool<C: Courier> {
     courier: C,
     client: Client,
-    tell: Option<Tell>,
+    report: Option<Report>,
 }
 
 /// Tells people a message.
-type Tell = Box<dyn FnMut(&str)>;
+type Report = Box<dyn FnMut(&str)>;
 
 struct Keyed<'h> {
     home: &'h dyn Home,
@@ -58,12 +58,12 @@ impl Inside for Keyed<'_> {
 impl<C: Courier> Pool<C> {
     /// Over this courier.
     pub fn new(courier: C, settings: ClientSettings) -> Self {
-        Self { client: Client::new(courier.now(), settings), courier, tell: None }
+        Self { client: Client::new(courier.now(), settings), courier, report: None }
     }
 
     /// Tells each message for people as soon as there is one.
-    pub fn telling(mut self, tell: impl FnMut(&str) + 'static) -> Self {
-        self.tell = Some(Box::new(tell));
+    pub fn telling(mut self, report: impl FnMut(&str) + 'static) -> Self {
+        self.report = Some(Box::new(report));
         self
     }
 
@@ -140,8 +140,8 @@ impl<C: Courier> Pool<C> {
         while !twins.is_empty() {
             self.client.tick(self.courier.now());
             self.send();
-            if let Some(tell) = &mut self.tell {
-                self.client.take_news().iter().for_each(|text| tell(text));
+            if let Some(report) = &mut self.report {
+                self.client.take_news().iter().for_each(|text| report(text));
             }
             match self.client.next_event() {
                 Some(Event::Answer(key, answer)) => {
@@ -167,7 +167,7 @@ impl<C: Courier> Pool<C> {
         let mut until = self.courier.now().saturating_add(wait);
         while let Some(arrival) = self.courier.receive(until)? {
             let now = self.courier.now();
-            self.client.hear(now, &arrival.from, &arrival.bytes, inside);
+            self.client.handle(now, &arrival.from, &arrival.bytes, inside);
             until = now;
         }
         Ok(())

@@ -19,7 +19,7 @@ pub struct WorkerState {
     /// Its last greeting.
     pub hello: Hello,
     /// When that came, ns.
-    pub heard: u64,
+    pub received: u64,
     /// Calls that it was asked and has not answered.
     pub outstanding: BTreeSet<Hash>,
     /// Calls that it answered.
@@ -44,14 +44,14 @@ impl Roster {
             .then(|| format!("it has another build: `{}` here, `{}` there", build.text(), hello.build));
         match self.workers.get_mut(name) {
             Some(worker) if worker.hello.incarnation == hello.incarnation => {
-                (worker.heard, worker.hello) = (now, hello);
+                (worker.received, worker.hello) = (now, hello);
                 (None, false)
             }
             // A greeting of an earlier life that was late; or, of a worker that is gone, of a new life after its clock was
             // set back.
             Some(worker)
                 if worker.hello.incarnation > hello.incarnation
-                    && now.saturating_sub(worker.heard) < SILENCE =>
+                    && now.saturating_sub(worker.received) < SILENCE =>
             {
                 (None, false)
             }
@@ -66,7 +66,7 @@ impl Roster {
                 let shut_out = self.workers.get(name).and_then(|w| w.shut_out.clone()).or(other);
                 let state = WorkerState {
                     hello,
-                    heard: now,
+                    received: now,
                     outstanding: BTreeSet::new(),
                     answered: 0,
                     proven: BTreeSet::new(),
@@ -135,7 +135,7 @@ impl Roster {
 }
 
 fn is_usable(worker: &WorkerState, now: u64) -> bool {
-    worker.shut_out.is_none() && now.saturating_sub(worker.heard) < SILENCE && worker.hello.slots > 0
+    worker.shut_out.is_none() && now.saturating_sub(worker.received) < SILENCE && worker.hello.slots > 0
 }
 
 #[cfg(test)]

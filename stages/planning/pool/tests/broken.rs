@@ -79,8 +79,8 @@ fn messages_are_read_as_they_are_written() {
     assert_eq!(Call::from_bytes(&call().to_bytes()).unwrap(), call());
     let water = Water::new();
     let bytes = goals::to_bytes(&water.goals);
-    let again: Goals = goals::from_bytes(&bytes, water.goals.rows()).unwrap();
-    assert_eq!((again.structures(), again.voxels()), (water.goals.structures(), water.goals.voxels()));
+    let repeated: Goals = goals::from_bytes(&bytes, water.goals.rows()).unwrap();
+    assert_eq!((repeated.structures(), repeated.voxels()), (water.goals.structures(), water.goals.voxels()));
     assert!(goals::from_bytes(&bytes, water.goals.rows() + 1).is_err());
 }
 
@@ -177,13 +177,13 @@ fn broken_messages_harm_neither_side() {
         let bytes = harmed(&whole[which.index(whole.len())], &harms);
         let from = ["w0", "w1", "client"][from];
         *now += 30_000_000;
-        worker.hear(*now, from, &bytes);
+        worker.handle(*now, from, &bytes);
         worker.tick(*now);
         while let Some(job) = worker.next_job() {
             let result = job.ready.compute();
             worker.finish(job.key, result);
         }
-        client.hear(*now, from, &bytes, &Nothing);
+        client.handle(*now, from, &bytes, &Nothing);
         client.tick(*now);
         prop_assert!(worker.take_messages().len() < 100 && client.take_messages().len() < 100);
         prop_assert!(worker.hello().waiting <= 256);

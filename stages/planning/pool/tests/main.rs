@@ -80,7 +80,7 @@ fn without_a_worker_this_process_computes_one_call_after_the_other_and_a_worker_
     let folder = tempfile::tempdir().unwrap();
     let settings = WorkerSettings { build: build(), incarnation: 1, slots: 1, most_open: 1 << 20 };
     let hello = Worker::new(settings, Store::open(folder.path(), 1 << 20).unwrap()).hello();
-    client.hear(now, "w0", &Message::Hello(hello).to_bytes(), &Nothing);
+    client.handle(now, "w0", &Message::Hello(hello).to_bytes(), &Nothing);
     client.tick(now + MS);
     assert!(client.next_event().is_none());
     let asked = client.take_messages();
@@ -139,8 +139,9 @@ fn workers_give_each_other_what_they_hold_and_one_that_gives_something_else_is_n
     let mut pool = self::pool(9, CALM, &parts);
     assert!(pooled(&water, &mut pool) == expected);
     let news = pool.take_news();
-    let told = news.iter().filter(|text| text.starts_with("worker `w2` is no source of contents any more: "));
-    assert!(told.count() > 0, "{news:?}");
+    let reported =
+        news.iter().filter(|text| text.starts_with("worker `w2` is no source of contents any more: "));
+    assert!(reported.count() > 0, "{news:?}");
     // Its answers are right, so it is asked all the same.
     assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()));
 }

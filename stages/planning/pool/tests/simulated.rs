@@ -246,7 +246,7 @@ impl Courier for Simulated {
                     None => return Ok(Some(Arrival { from, bytes })),
                     Some(place) => {
                         if let Some(worker) = &mut self.actors[place].worker {
-                            worker.hear(self.now, &from, &bytes);
+                            worker.handle(self.now, &from, &bytes);
                         }
                         self.act(place);
                     }

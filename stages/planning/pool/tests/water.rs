@@ -7,7 +7,7 @@ use stillpoint_patient::case::Mask;
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, MeanDose, Objective, Overdose, StructureObjectives, Underdose};
-use stillpoint_pool::{Courier, Pool, PoolDoses, PoolGround, PoolSolver, answer};
+use stillpoint_pool::{Courier, Pool, PoolDoses, PoolSetup, PoolSolver, answer};
 
 const SIDE: usize = 16;
 const ANGLES: u16 = 18;
@@ -57,7 +57,7 @@ impl Water {
             Objective::Overdose(Overdose { dose: 10.0, weight: 40.0 }),
             Objective::MeanDose(MeanDose { dose: 8.0, weight: 5.0 }),
         ];
-        let wanted = vec![
+        let requested = vec![
             structure("target", [5.0, 0.0, 0.0], 20.0, target),
             structure("organ", [5.0, 40.0, 0.0], 16.0, organ),
             structure(
@@ -67,7 +67,7 @@ impl Water {
                 vec![Objective::Overdose(Overdose { dose: 20.0, weight: 10.0 })],
             ),
         ];
-        Self { engine, goals: Goals::new(wanted, grid.len()).unwrap() }
+        Self { engine, goals: Goals::new(requested, grid.len()).unwrap() }
     }
 }
 
@@ -107,9 +107,9 @@ pub fn pooled<C: Courier>(water: &Water, pool: &mut Pool<C>) -> (Vec<u8>, Vec<Ve
     loop {
         made.fill(pool, &cache, &engines, &angles(), || ()).unwrap();
         let doses = load(water, &cache);
-        let ground = PoolGround::new(&doses, &water.goals, ANGLES);
+        let setup = PoolSetup::new(&doses, &water.goals, ANGLES);
         let bytes = {
-            let mut solver = PoolSolver::new(pool, &ground);
+            let mut solver = PoolSolver::new(pool, &setup);
             let bytes = plan_bytes(water, &doses, Some(&mut solver));
             assert_eq!(solver.broken(), None);
             bytes

@@ -35,14 +35,14 @@ impl UsePlant for Show {
             println!("  - {{ {} }}", parts.join(", "));
         }
         let rest = plant.equilibrium(&air, guess)?;
-        let wanted = SVector::repeat(20.0);
+        let requested = SVector::repeat(20.0);
         for (i, channel) in channels.iter().enumerate() {
             let (name, unit, scale, step) = CHANNELS[*channel];
             let far = |sign: f64| {
                 let held = |n: &u32| {
                     let mut pose = rest;
                     pose[i] += sign * step * f64::from(*n);
-                    plant.reach(&pose, &Limits::RIG, &wanted).is_ok()
+                    plant.reach(&pose, &Limits::RIG, &requested).is_ok()
                 };
                 sign * step * (1..2000).take_while(held).count() as f64 * scale
             };

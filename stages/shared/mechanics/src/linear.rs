@@ -89,7 +89,7 @@ mod tests {
         #[test]
         fn a_semidefinite_system_is_solved_where_it_can_be(
             entries in prop::array::uniform12(-5.0..5.0f64),
-            wanted in prop::array::uniform4(-5.0..5.0f64),
+            requested in prop::array::uniform4(-5.0..5.0f64),
             rank in 1..4usize,
         ) {
             let mut root = SMatrix::<f64, 4, 3>::from_column_slice(&entries);
@@ -97,7 +97,7 @@ mod tests {
                 root.column_mut(column).fill(0.0);
             }
             let a = root * root.transpose();
-            let b = a * SVector::from(wanted);
+            let b = a * SVector::from(requested);
             let x = solve_semidefinite(a, b);
             prop_assert!((a * x - b).amax() < 1e-8 * a.amax().max(1.0), "{}", a * x - b);
         }

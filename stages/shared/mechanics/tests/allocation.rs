@@ -25,9 +25,9 @@ fn a_plants_step_allocates_nothing() {
 #[test]
 fn asking_whether_a_pose_can_be_held_allocates_nothing() {
     let eight = SixDof::rig(5.0);
-    let (pose, wanted) = (SVector::from([2e-3, 0.0, 5e-3, 0.02, 0.0, 0.03]), SVector::repeat(20.0));
+    let (pose, requested) = (SVector::from([2e-3, 0.0, 5e-3, 0.02, 0.0, 0.03]), SVector::repeat(20.0));
     let mut held = None;
-    let counted = measure(|| held = Some(eight.reach(&pose, &Limits::RIG, &wanted)));
+    let counted = measure(|| held = Some(eight.reach(&pose, &Limits::RIG, &requested)));
     assert_eq!(counted.count_total, 0);
     assert!(held.unwrap().is_ok());
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Mutex;
 
-use crate::told;
+use crate::reported;
 
 const TRIALS: &str = "1";
 /// Permits one run of the pipeline at a time: two runs would compete for the cores.
@@ -14,7 +14,7 @@ static LOOP: Mutex<()> = Mutex::new(());
 fn is_safe_in_time(fault: &str) {
     let _one = LOOP.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
-    let rows = told(folder.path(), &["failsafe", "--fault", fault, "--trials", TRIALS, "--json"]);
+    let rows = reported(folder.path(), &["failsafe", "--fault", fault, "--trials", TRIALS, "--json"]);
     let row = &rows[0];
     assert_eq!(row["trials"], row["safe"], "{row}");
 }

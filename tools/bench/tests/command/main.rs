@@ -23,7 +23,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// The JSON that a measurement prints.
-fn told(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+fn reported(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     let out = stillpoint_bench(folder, arguments);
     assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -49,9 +49,9 @@ fn arguments_with_which_a_bench_measures_nothing_are_refused() {
         ("loop", "rounds", "0"),
     ] {
         let out = stillpoint_bench(folder.path(), &[bench, &format!("--{option}"), wrong]);
-        let said = text(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{bench} --{option} {wrong}: {said}");
-        assert!(said.contains(&format!("invalid value '{wrong}' for '--{option}")), "{said}");
+        let message = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{bench} --{option} {wrong}: {message}");
+        assert!(message.contains(&format!("invalid value '{wrong}' for '--{option}")), "{message}");
     }
 }
 
@@ -59,14 +59,14 @@ fn arguments_with_which_a_bench_measures_nothing_are_refused() {
 fn a_ledger_without_kills_balances() {
     let folder = tempfile::tempdir().unwrap();
     let ledger = ["ledger", "--kill-every", "0", "--samples", "2000", "--json"];
-    let told = told(folder.path(), &ledger);
-    assert_eq!((&told["kills"], &told["balanced"]), (&0.into(), &true.into()));
+    let reported = reported(folder.path(), &ledger);
+    assert_eq!((&reported["kills"], &reported["balanced"]), (&0.into(), &true.into()));
 }
 
 #[test]
 fn ten_kills_of_the_recorder_at_random_moments_take_at_most_the_last_second() {
     let folder = tempfile::tempdir().unwrap();
-    let told = told(folder.path(), &["killed", "--kills", "10", "--folder", ".", "--json"]);
+    let reported = reported(folder.path(), &["killed", "--kills", "10", "--folder", ".", "--json"]);
     let ten = serde_json::json!(10);
-    assert_eq!((&told["kept"], &told["whole"], &told["opens"]), (&ten, &ten, &ten));
+    assert_eq!((&reported["kept"], &reported["whole"], &reported["opens"]), (&ten, &ten, &ten));
 }

@@ -26,7 +26,7 @@ impl Ending {
     }
 
     /// Whether it has been.
-    pub fn is_due(&self) -> bool {
+    pub fn is_time(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
@@ -36,17 +36,17 @@ pub fn open(
     name: &str,
     endpoint: &str,
     tls: Option<Arc<Tls>>,
-    is_due: impl Fn() -> bool,
+    is_time: impl Fn() -> bool,
 ) -> Result<Option<Mailbox>, String> {
-    let mut told = None;
-    while !is_due() {
+    let mut reported = None;
+    while !is_time() {
         match Mailbox::open(PREFIX, name, endpoint, tls.clone()) {
             Ok(mailbox) => return Ok(Some(mailbox)),
             Err(e @ (RemoteError::Session { .. } | RemoteError::Refused(_))) => {
-                if told.as_ref() != Some(&e) {
+                if reported.as_ref() != Some(&e) {
                     eprintln!("stillpoint-bridge: waiting for {endpoint}: {e}");
                 }
-                told = Some(e);
+                reported = Some(e);
                 std::thread::sleep(Duration::from_millis(200));
             }
             Err(e) => return Err(e.to_string()),

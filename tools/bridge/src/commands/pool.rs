@@ -24,7 +24,7 @@ pub struct Pool {
     seconds: f64,
 }
 
-struct Heard {
+struct Received {
     first: (Instant, u64),
     last: (Instant, Hello),
 }
@@ -45,7 +45,7 @@ impl Pool {
         let name = format!("look-{}", std::process::id());
         let mailbox = Mailbox::open(PREFIX, &name, &self.connect, tls).map_err(|e| e.to_string())?;
         let until = Instant::now() + Duration::from_secs_f64(self.seconds);
-        let mut workers: BTreeMap<String, Heard> = BTreeMap::new();
+        let mut workers: BTreeMap<String, Received> = BTreeMap::new();
         loop {
             let rest = until.saturating_duration_since(Instant::now());
             if rest.is_zero() {
@@ -55,13 +55,13 @@ impl Pool {
             let Some((from, bytes)) = arrival else { continue };
             let Ok(Message::Hello(hello)) = Message::from_bytes(&bytes) else { continue };
             let now = Instant::now();
-            let first = Heard { first: (now, hello.answered), last: (now, hello.clone()) };
+            let first = Received { first: (now, hello.answered), last: (now, hello.clone()) };
             workers.entry(from).or_insert(first).last = (now, hello);
         }
         if workers.is_empty() {
             return Err(format!("no worker greeted within {} s at {}", self.seconds, self.connect));
         }
-        for (name, Heard { first, last: (at, hello) }) in &workers {
+        for (name, Received { first, last: (at, hello) }) in &workers {
             let seconds = at.duration_since(first.0).as_secs_f64();
             let new = hello.answered.saturating_sub(first.1) as f64;
             println!(

@@ -43,7 +43,7 @@ pub struct Hub {
     router: Session,
     listen: Vec<String>,
     tls: Option<Arc<Tls>>,
-    told: Option<String>,
+    reported: Option<String>,
 }
 
 impl Hub {
@@ -51,7 +51,7 @@ impl Hub {
     pub fn open(listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, String> {
         let router = Session::open(PREFIX, listen.clone(), tls.clone()).map_err(|e| e.to_string())?;
         eprintln!("stillpoint-bridge: the router listens at {}", listen.join(", "));
-        Ok(Self { router, listen, tls, told: None })
+        Ok(Self { router, listen, tls, reported: None })
     }
 
     /// Opens itself anew if there is a new certificate.
@@ -72,15 +72,15 @@ impl Hub {
             }
             Some(Err(e)) => format!("the new certificate is not used: {e}"),
         };
-        if self.told.as_ref() != Some(&failed) {
+        if self.reported.as_ref() != Some(&failed) {
             eprintln!("stillpoint-bridge: {failed}");
-            self.told = Some(failed);
+            self.reported = Some(failed);
         }
     }
 
     /// Looks for new certificates until the program is to end.
     pub fn run(mut self, ending: &Ending) {
-        while !ending.is_due() {
+        while !ending.is_time() {
             std::thread::sleep(LOOK);
             self.renew();
         }

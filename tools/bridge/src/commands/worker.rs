@@ -86,7 +86,7 @@ impl Worker {
             let ending = ending.clone();
             std::thread::spawn(move || hub.run(&ending))
         });
-        let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_due())? else { return Ok(()) };
+        let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
         println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
         let most_open = self.memory_mb.saturating_mul(1_000_000);
         let settings = WorkerSettings { build, incarnation: born, slots, most_open };
@@ -123,12 +123,12 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending,
     });
     let begun = Instant::now();
     let mut given = 0;
-    while !ending.is_due() {
+    while !ending.is_time() {
         let first = happened.recv_timeout(TICK).ok();
         for one in first.into_iter().chain(happened.try_iter()) {
             match one {
                 Happened::Message(from, bytes) => {
-                    state.hear(begun.elapsed().as_nanos() as u64, &from, &bytes)
+                    state.handle(begun.elapsed().as_nanos() as u64, &from, &bytes)
                 }
                 Happened::Result(key, result) => {
                     given += 1;

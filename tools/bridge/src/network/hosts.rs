@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillpoint_operator::outside::ClockOffset;
 use stillpoint_pipeline::graph::HostTls;
 use stillpoint_pipeline::live::bridge::{BridgeSettings, NetworkEvent, SentCounts, TakenCounts};
-use stillpoint_remote::{Endpoints, Host, HostSettings, Identity, Remote, Tls, TlsFiles};
+use stillpoint_remote::{Endpoints, Host, HostSettings, HostIdentity, Remote, Tls, TlsFiles};
 use stillpoint_transport::Transport;
 
 /// First part of all keys.
@@ -28,7 +28,7 @@ impl Hosts {
             prefix: PREFIX.to_owned(),
             name: host.name,
             endpoints: Endpoints { listen: host.listen, connect: host.connect, router: host.router, tls },
-            identity: Identity {
+            identity: HostIdentity {
                 pipeline: identity.pipeline,
                 hash: identity.hash,
                 version: identity.version,

@@ -24,7 +24,7 @@ const MOST_WAITING: usize = 256;
 /// Time between two greetings of a worker that are handed over: a session keeps each of them.
 const GREETING: Duration = Duration::from_millis(500);
 /// Time between two attempts to reach the router.
-const AGAIN: Duration = Duration::from_millis(200);
+const RETRY: Duration = Duration::from_millis(200);
 /// How often the end of the run is looked for.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -110,7 +110,7 @@ impl Shared {
 
     /// Opens the place in the exchange and hands on what arrives, until the run ends.
     fn carry(&self, name: &str, endpoint: &str, tls: Option<&Arc<Tls>>) {
-        let mut told = None;
+        let mut reported = None;
         while !self.ended.load(Ordering::Relaxed) {
             if let Some(mailbox) = self.mailbox.get() {
                 if let Some((from, bytes)) = mailbox.receive(LOOK) {
@@ -121,21 +121,21 @@ impl Shared {
             match Mailbox::open(PREFIX, name, endpoint, tls.cloned()) {
                 Ok(mailbox) => {
                     drop(self.mailbox.set(mailbox));
-                    self.tell(format!("the planning pool at {endpoint} can be reached"), false);
+                    self.report(format!("the planning pool at {endpoint} can be reached"), false);
                 }
                 Err(e) => {
                     let reason = format!("the planning pool at {endpoint} cannot be reached: {e}");
-                    if told.as_ref() != Some(&reason) {
-                        self.tell(reason.clone(), true);
+                    if reported.as_ref() != Some(&reason) {
+                        self.report(reason.clone(), true);
                     }
-                    told = Some(reason);
-                    std::thread::sleep(AGAIN);
+                    reported = Some(reason);
+                    std::thread::sleep(RETRY);
                 }
             }
         }
     }
 
-    fn tell(&self, text: String, is_fault: bool) {
+    fn report(&self, text: String, is_fault: bool) {
         self.state().events.push(NetworkEvent { text, is_fault });
     }
 

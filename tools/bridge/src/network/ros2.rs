@@ -100,7 +100,7 @@ impl MessageSender for Publishes {
     }
 
     fn state(&self) -> LinkState {
-        if self.0.is_heard() { LinkState::Open } else { LinkState::Waiting }
+        if self.0.has_listener() { LinkState::Open } else { LinkState::Waiting }
     }
 }
 

@@ -260,14 +260,15 @@ fn picture(row: &Row) -> Result<String, Failure> {
 }
 
 fn write(folder: &Path, rows: &[Row]) -> Result<(), Failure> {
-    let said = |path: &Path, e: &dyn std::fmt::Display| Failure::failed(format!("{}: {e}", path.display()));
-    std::fs::create_dir_all(folder).map_err(|e| said(folder, &e))?;
+    let failure =
+        |path: &Path, e: &dyn std::fmt::Display| Failure::failed(format!("{}: {e}", path.display()));
+    std::fs::create_dir_all(folder).map_err(|e| failure(folder, &e))?;
     for row in rows {
         let name = row.name.to_lowercase().replace([' ', '.'], "-");
         let path = folder.join(format!("{name}.svg"));
-        std::fs::write(&path, picture(row)?).map_err(|e| said(&path, &e))?;
+        std::fs::write(&path, picture(row)?).map_err(|e| failure(&path, &e))?;
     }
     let path = folder.join("bladders.json");
     let text = serde_json::to_string_pretty(rows).map_err(Failure::failed)?;
-    std::fs::write(&path, text + "\n").map_err(|e| said(&path, &e))
+    std::fs::write(&path, text + "\n").map_err(|e| failure(&path, &e))
 }

@@ -33,16 +33,16 @@ impl Bridge {
 /// # Errors
 /// It is not there; the message says how it is built.
 pub fn command() -> Result<Command, Failure> {
-    let beside = match std::env::var_os("STILLPOINT_BRIDGE") {
+    let sibling = match std::env::var_os("STILLPOINT_BRIDGE") {
         Some(named) => PathBuf::from(named),
         None => std::env::current_exe().map_err(Failure::failed)?.with_file_name(PROGRAM),
     };
-    if beside.is_file() {
-        return Ok(Command::new(beside));
+    if sibling.is_file() {
+        return Ok(Command::new(sibling));
     }
     Err(Failure::failed(format!(
         "{} is not there; build it with `cargo build --release --manifest-path tools/bridge/Cargo.toml \
          --target-dir target`, or name it in STILLPOINT_BRIDGE",
-        beside.display()
+        sibling.display()
     )))
 }

@@ -4,7 +4,7 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 use stillpoint_control::channels::{ALL, Channel};
-use stillpoint_control::rig::{InTheWay, RIGS, Rig, RigKind, RigSpec};
+use stillpoint_control::rig::{Obstacle, RIGS, Rig, RigKind, RigSpec};
 use stillpoint_pipeline::config::quantity::si;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -112,16 +112,20 @@ impl Reach {
         let [across, up] = self.axes(spec, &rig)?;
         let mut stays = [0.0; 6];
         let mut at = std::collections::BTreeMap::new();
-        for said in &self.at {
-            let (name, distance) = said
+        for reason in &self.at {
+            let (name, distance) = reason
                 .split_once('=')
-                .ok_or_else(|| Failure::wrong(format!("--at {said}: write it as `pitch=1.35 deg`")))?;
-            let channel = channel(&rig, name, said)?;
-            let value = number(said, distance, channel.unit())?;
+                .ok_or_else(|| Failure::wrong(format!("--at {reason}: write it as `pitch=1.35 deg`")))?;
+            let channel = channel(&rig, name, reason)?;
+            let value = number(reason, distance, channel.unit())?;
             stays[channel.place()] = value;
             at.insert(channel.name(), value * scale(channel).1);
         }
-        let wall = |way: InTheWay| Wall { bladder: way.bladder(), part: way.part, why: way.why.to_string() };
+        let wall = |obstacle: Obstacle| Wall {
+            bladder: obstacle.bladder(),
+            part: obstacle.part,
+            why: obstacle.why.to_string(),
+        };
         let place = |x: f64, y: f64| {
             let mut to = stays;
             to[up.place] = y / up.scale;
@@ -135,23 +139,23 @@ impl Reach {
     }
 
     fn axes(&self, spec: &RigSpec, rig: &Rig) -> Result<[Axis; 2], Failure> {
-        let said: Vec<String> = match self.over.len() {
+        let reason: Vec<String> = match self.over.len() {
             0 => over_by_itself(spec).map(|channel| channel.name().to_owned()).to_vec(),
             2 => self.over.clone(),
             _ => return Err(Failure::wrong("--over: give two coordinates, such as `--over z --over roll`")),
         };
         let counts =
             [self.columns, if self.over.is_empty() && spec.channels.len() == 1 { 1 } else { self.rows }];
-        let axis = |said: &String, count: u16| -> Result<Axis, Failure> {
-            let (name, span) = said.split_once('=').map_or((said.as_str(), None), |(n, s)| (n, Some(s)));
-            let channel = channel(rig, name, said)?;
+        let axis = |reason: &String, count: u16| -> Result<Axis, Failure> {
+            let (name, span) = reason.split_once('=').map_or((reason.as_str(), None), |(n, s)| (n, Some(s)));
+            let channel = channel(rig, name, reason)?;
             let [from, to] = match span {
                 None => SPANS[channel.place()],
                 Some(span) => {
                     let (from, to) = span.split_once("..").ok_or_else(|| {
-                        Failure::wrong(format!("--over {said}: write it as `z=-20 mm..40 mm`"))
+                        Failure::wrong(format!("--over {reason}: write it as `z=-20 mm..40 mm`"))
                     })?;
-                    [number(said, from, channel.unit())?, number(said, to, channel.unit())?]
+                    [number(reason, from, channel.unit())?, number(reason, to, channel.unit())?]
                 }
             };
             let (unit, scale) = scale(channel);
@@ -159,21 +163,21 @@ impl Reach {
             let values = (0..count).map(|i| (from + (to - from) * f64::from(i) / steps) * scale).collect();
             Ok(Axis { channel: channel.name(), unit, values, place: channel.place(), scale })
         };
-        let axes = [axis(&said[0], counts[0])?, axis(&said[1], counts[1])?];
+        let axes = [axis(&reason[0], counts[0])?, axis(&reason[1], counts[1])?];
         if axes[0].place == axes[1].place && counts[1] > 1 {
-            return Err(Failure::wrong(format!("--over {}: it is named twice", said[1])));
+            return Err(Failure::wrong(format!("--over {}: it is named twice", reason[1])));
         }
         Ok(axes)
     }
 }
 
 /// The channel of this name, which the rig has to move.
-fn channel(rig: &Rig, name: &str, said: &str) -> Result<Channel, Failure> {
+fn channel(rig: &Rig, name: &str, reason: &str) -> Result<Channel, Failure> {
     let moved =
         || ALL.into_iter().filter(|c| rig.moves(*c)).map(Channel::name).collect::<Vec<_>>().join(", ");
     Channel::named(name.trim())
         .filter(|channel| rig.moves(*channel))
-        .ok_or_else(|| Failure::wrong(format!("`{said}`: the rig moves {}", moved())))
+        .ok_or_else(|| Failure::wrong(format!("`{reason}`: the rig moves {}", moved())))
 }
 
 /// The unit in which a channel is shown, and its number per m or rad.
@@ -181,8 +185,8 @@ fn scale(channel: Channel) -> (&'static str, f64) {
     if channel.unit() == "m" { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
 }
 
-fn number(said: &str, text: &str, unit: &str) -> Result<f64, Failure> {
-    si(text.trim(), unit).map_err(|e| Failure::wrong(format!("`{said}`: {}; {}", e.message, e.help)))
+fn number(reason: &str, text: &str, unit: &str) -> Result<f64, Failure> {
+    si(text.trim(), unit).map_err(|e| Failure::wrong(format!("`{reason}`: {}; {}", e.message, e.help)))
 }
 
 fn print(map: &Map) {

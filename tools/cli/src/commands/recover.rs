@@ -42,7 +42,7 @@ impl Recover {
                         "damage": r.damage,
                         "bytes": r.bytes,
                         "bytes_cut": r.bytes_cut,
-                        "kept": r.kept,
+                        "kept": r.retained,
                     })
                 })
                 .collect();

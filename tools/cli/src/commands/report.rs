@@ -44,7 +44,7 @@ impl Report {
             outln!("{}", serde_json::to_string(&value).map_err(Failure::failed)?);
         }
         if !self.json || self.out.is_some() {
-            let path = self.out.clone().unwrap_or_else(|| beside(&self.session));
+            let path = self.out.clone().unwrap_or_else(|| sibling(&self.session));
             let about = format!("Report of a session of stillpoint {}", env!("CARGO_PKG_VERSION"));
             let page = html::page(&name, &about, &sections);
             private::create(&path).and_then(|mut file| file.write_all(page.as_bytes())).map_err(|e| {
@@ -69,7 +69,7 @@ fn name(session: &Path) -> String {
     path.file_name().map_or_else(|| "session".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-fn beside(session: &Path) -> PathBuf {
+fn sibling(session: &Path) -> PathBuf {
     let file = format!("{}.html", name(session).trim_end_matches(".mcap"));
     match std::path::absolute(session).ok().as_deref().and_then(Path::parent) {
         Some(_) => session.parent().map_or_else(|| PathBuf::from(&file), |folder| folder.join(&file)),

@@ -139,8 +139,8 @@ impl Run {
                 Some(LockStep::Processes) => Place::Processes,
             };
             let stop = stop_flag_of_this_process()?;
-            let kept = session.as_deref().map(|folder| (folder, self.compression.into()));
-            simulate(&checked, &self.pipeline.sets, place, length, kept, stop, !self.json)?
+            let retained = session.as_deref().map(|folder| (folder, self.compression.into()));
+            simulate(&checked, &self.pipeline.sets, place, length, retained, stop, !self.json)?
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };

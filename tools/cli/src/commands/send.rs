@@ -230,8 +230,8 @@ impl Send {
             return Ok(());
         }
         let fault = self.values.first().filter(|_| verb == Verb::Fault);
-        let said = fault.map_or_else(|| self.command.clone(), |fault| format!("{} {fault}", self.command));
-        Err(Failure::wrong(format!("`{said}` takes {takes}")))
+        let message = fault.map_or_else(|| self.command.clone(), |fault| format!("{} {fault}", self.command));
+        Err(Failure::wrong(format!("`{message}` takes {takes}")))
     }
 }
 

@@ -63,9 +63,9 @@ impl Picture {
 
     /// Writes a text with its upper left corner there, on a dark ground.
     pub fn text(&mut self, text: &str, left: usize, top: usize) {
-        let ground = (PITCH * text.chars().count() + LETTER_SCALE, LETTER[1] + 2 * LETTER_SCALE);
-        for y in 0..ground.1 {
-            for x in 0..ground.0 {
+        let background = (PITCH * text.chars().count() + LETTER_SCALE, LETTER[1] + 2 * LETTER_SCALE);
+        for y in 0..background.1 {
+            for x in 0..background.0 {
                 if let (Some(x), Some(y)) = ((left + x).checked_sub(2), (top + y).checked_sub(2)) {
                     self.blend(x, y, [0; 3], 0.65);
                 }

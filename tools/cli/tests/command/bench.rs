@@ -19,8 +19,8 @@ fn without_the_program_that_measures_the_command_that_builds_it_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let out = copied(folder.path()).args(["bench", "hop", "--help"]).output().unwrap();
     assert_eq!(out.status.code(), Some(1));
-    let said = text(&out.stderr);
-    assert!(said.contains("`cargo build --release -p stillpoint-bench`"), "{said}");
+    let output_text = text(&out.stderr);
+    assert!(output_text.contains("`cargo build --release -p stillpoint-bench`"), "{output_text}");
 }
 
 #[test]

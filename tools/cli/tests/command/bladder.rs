@@ -28,8 +28,8 @@ fn the_figures_have_their_corrected_numbers_and_a_picture_each() {
         let svg = std::fs::read_to_string(folder.path().join(format!("pictures/{picture}.svg"))).unwrap();
         assert!(svg.starts_with("<svg") && svg.contains(name), "{name}");
     }
-    let kept = std::fs::read_to_string(folder.path().join("pictures/bladders.json")).unwrap();
-    assert_eq!(serde_json::from_str::<Value>(&kept).unwrap().as_array().unwrap(), rows);
+    let retained = std::fs::read_to_string(folder.path().join("pictures/bladders.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&retained).unwrap().as_array().unwrap(), rows);
 }
 
 #[test]

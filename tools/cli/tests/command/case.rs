@@ -10,10 +10,10 @@ fn a_made_case_is_shown_and_drawn() {
     let shown =
         stillpoint(folder.path(), &["case", "show", "cases/pelvis-2.case", "--out", "pictures", "--json"]);
     assert!(shown.status.success(), "{}", text(&shown.stderr));
-    let told: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
-    assert!(text(&made.stdout).contains(told["hash"].as_str().unwrap()), "both say one hash");
+    let reported: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
+    assert!(text(&made.stdout).contains(reported["hash"].as_str().unwrap()), "both say one hash");
     let names: Vec<_> =
-        told["structures"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+        reported["structures"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["Body", "PTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR", "CTV"]);
     for plane in ["axial", "coronal", "sagittal"] {
         let file = std::fs::File::open(folder.path().join(format!("pictures/{plane}.png"))).unwrap();
@@ -36,10 +36,10 @@ fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
         text(&done.stdout)
     };
     run(&["case", "phantom", "--site", "head", "--out", "cases"]);
-    let told: serde_json::Value =
+    let reported: serde_json::Value =
         serde_json::from_str(&run(&["case", "show", "cases/head-0.case", "--json"])).unwrap();
     let volume = |name: &str| {
-        let mut structures = told["structures"].as_array().unwrap().iter();
+        let mut structures = reported["structures"].as_array().unwrap().iter();
         structures.find(|s| s["name"] == name).unwrap()["volume_cm3"].as_f64().unwrap()
     };
     for (name, low, high) in
@@ -48,12 +48,16 @@ fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
         assert!((low..high).contains(&volume(name)), "{name}: {} cm3", volume(name));
     }
     for name in ["head.ply", "head.stl"] {
-        let said = run(&["case", "surface", "cases/head-0.case", "--out", name]);
+        let output_text = run(&["case", "surface", "cases/head-0.case", "--out", name]);
         let bytes = std::fs::read(folder.path().join(name)).unwrap();
         let surface = stillpoint_patient::outline::read_surface(&bytes, None, None).unwrap();
         let inside = surface.mesh.volume_cm3();
-        assert!((inside / volume("Body") - 1.0).abs() < 0.01, "{said}: {inside} cm3 of {}", volume("Body"));
-        let isocentre = told["isocentre_mm"].as_array().unwrap();
+        assert!(
+            (inside / volume("Body") - 1.0).abs() < 0.01,
+            "{output_text}: {inside} cm3 of {}",
+            volume("Body")
+        );
+        let isocentre = reported["isocentre_mm"].as_array().unwrap();
         for (written, given) in surface.placing.isocentre_mm.iter().zip(isocentre) {
             assert!((written - given.as_f64().unwrap()).abs() < 1e-3, "{name}");
         }
@@ -68,9 +72,9 @@ fn the_case_of_the_examples_is_made_by_one_command() {
     let command = ["case", "phantom", "--site", "head", "--out", "."];
     let made = stillpoint(folder.path(), &[&command[..], &["--spacing", "4 mm"]].concat());
     assert!(made.status.success(), "{}", text(&made.stderr));
-    let kept = std::fs::read(super::root().join("examples/data/head.case")).unwrap();
-    assert!(std::fs::read(folder.path().join("head-0.case")).unwrap() == kept);
-    for (site, spacing, said) in [
+    let retained = std::fs::read(super::root().join("examples/data/head.case")).unwrap();
+    assert!(std::fs::read(folder.path().join("head-0.case")).unwrap() == retained);
+    for (site, spacing, output_text) in [
         ("head", "0.1 mm", "from 1 mm to 5 mm"),
         ("head", "4", "unit, mm"),
         ("pelvis", "4 mm", "for --site head"),
@@ -80,7 +84,7 @@ fn the_case_of_the_examples_is_made_by_one_command() {
             &["case", "phantom", "--site", site, "--out", ".", "--spacing", spacing],
         );
         assert_eq!(refused.status.code(), Some(2));
-        assert!(text(&refused.stderr).contains(said), "{}", text(&refused.stderr));
+        assert!(text(&refused.stderr).contains(output_text), "{}", text(&refused.stderr));
     }
 }
 
@@ -115,17 +119,23 @@ fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
         );
         (out.status.code(), text(&out.stdout) + &text(&out.stderr))
     };
-    let (code, said) = run(&["--names", "names.json"]);
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("note: \"Target\" is called \"PTV\"") && said.contains("targets PTV"), "{said}");
-    let (code, said) = run(&["--fractions", "30"]);
-    assert!(code == Some(2) && said.contains("--fractions is for DICOM: change it in tiny.json"), "{said}");
+    let (code, output_text) = run(&["--names", "names.json"]);
+    assert_eq!(code, Some(0), "{output_text}");
+    assert!(
+        output_text.contains("note: \"Target\" is called \"PTV\"") && output_text.contains("targets PTV"),
+        "{output_text}"
+    );
+    let (code, output_text) = run(&["--fractions", "30"]);
+    assert!(
+        code == Some(2) && output_text.contains("--fractions is for DICOM: change it in tiny.json"),
+        "{output_text}"
+    );
     let whole = volume("uint16", 3);
     std::fs::write(folder.path().join("labels.nrrd"), &whole[..whole.len() - 20]).unwrap();
-    let (code, said) = run(&[]);
+    let (code, output_text) = run(&[]);
     assert!(
-        code == Some(1) && said.contains("labels.nrrd") && said.contains("copy the file again"),
-        "{said}"
+        code == Some(1) && output_text.contains("labels.nrrd") && output_text.contains("copy the file again"),
+        "{output_text}"
     );
     let out = stillpoint(folder.path(), &["case", "show", "tiny.json"]);
     assert!(

@@ -38,24 +38,27 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     };
     let held = "sessions/head-from-ct-0001";
     let wide = ["--bin", "2mm", "--bin-angle", "2deg"];
-    let told: Value =
+    let reported: Value =
         serde_json::from_str(&run(folder, &[&asked(held, "plan")[..], &wide].concat())).unwrap();
-    assert_eq!(told["poses"], "filter.state");
-    assert_eq!((&told["beam"], &told["reference"]["is_the_case"]), (&"far.state".into(), &true.into()));
-    assert!(told["beam_on"]["seconds"].as_f64().unwrap() > 0.5, "{}", told["beam_on"]);
+    assert_eq!(reported["poses"], "filter.state");
+    assert_eq!(
+        (&reported["beam"], &reported["reference"]["is_the_case"]),
+        (&"far.state".into(), &true.into())
+    );
+    assert!(reported["beam_on"]["seconds"].as_f64().unwrap() > 0.5, "{}", reported["beam_on"]);
     let shares = |motion: &str| -> f64 {
-        let bins = told[motion]["bins"].as_array().unwrap();
+        let bins = reported[motion]["bins"].as_array().unwrap();
         bins.iter().map(|bin| bin["share"].as_f64().unwrap()).sum()
     };
     assert!((shares("beam_on") - 1.0).abs() < 1e-9 && (shares("after_arming") - 1.0).abs() < 1e-9);
     let d98 = |dose: usize| {
-        let structures = told["doses"][dose]["structures"].as_array().unwrap();
+        let structures = reported["doses"][dose]["structures"].as_array().unwrap();
         structures.iter().find(|s| s["name"] == "CTV").unwrap()["d98_gy"].as_f64().unwrap()
     };
     // With the beam on the head is within the gate's tolerances; before, it was farther away.
-    let largest = |motion: &str, i: usize| told[motion]["largest_mm_deg"][i].as_f64().unwrap();
-    assert!((0..3).all(|i| largest("beam_on", i) < 1.5 && largest("beam_on", i + 3) < 0.8), "{told}");
-    assert!(largest("after_arming", 0) > 3.0 * largest("beam_on", 0), "{told}");
+    let largest = |motion: &str, i: usize| reported[motion]["largest_mm_deg"][i].as_f64().unwrap();
+    assert!((0..3).all(|i| largest("beam_on", i) < 1.5 && largest("beam_on", i + 3) < 0.8), "{reported}");
+    assert!(largest("after_arming", 0) > 3.0 * largest("beam_on", 0), "{reported}");
     // The planned dose is that of the segments of plan.json, on the grid of the plan where no other is asked for.
     let own_grid: Vec<&str> =
         asked(held, "plan").into_iter().filter(|a| !["--grid", "8mm"].contains(a)).collect();
@@ -66,12 +69,12 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     .unwrap();
     let plan: Value =
         serde_json::from_str(&std::fs::read_to_string(folder.join("plan/plan.json")).unwrap()).unwrap();
-    let (planned, told) = (&on_grid["doses"][0]["structures"], &plan["leaves"]["structures"]);
-    for (planned, told) in planned.as_array().unwrap().iter().zip(told.as_array().unwrap()) {
-        assert_eq!(planned["name"], told["name"]);
+    let (planned, reported) = (&on_grid["doses"][0]["structures"], &plan["leaves"]["structures"]);
+    for (planned, reported) in planned.as_array().unwrap().iter().zip(reported.as_array().unwrap()) {
+        assert_eq!(planned["name"], reported["name"]);
         for figure in ["d98_gy", "d50_gy", "d2_gy", "d0_03cc_gy"] {
-            let [planned, told] = [planned, told].map(|f| f[figure].as_f64().unwrap());
-            assert!((planned - told).abs() < 0.02, "{figure}: {planned}, {told}");
+            let [planned, reported] = [planned, reported].map(|f| f[figure].as_f64().unwrap());
+            assert!((planned - reported).abs() < 0.02, "{figure}: {planned}, {reported}");
         }
     }
     assert!((d98(1) - d98(0)).abs() < 0.03 * d98(0), "planned {}, delivered {}", d98(0), d98(1));

@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::{root, stillpoint, text};
 
 /// What a command that went well printed as JSON.
-fn said(folder: &Path, arguments: &[&str]) -> Value {
+fn output_text(folder: &Path, arguments: &[&str]) -> Value {
     let out = stillpoint(folder, arguments);
     assert!(out.status.success(), "{arguments:?}: {}{}", text(&out.stdout), text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -19,7 +19,7 @@ fn run(folder: &Path, seconds: &str, sets: &[&str]) -> Value {
         root().join("tools/cli/tests/command/identified.yaml").canonicalize().unwrap().display().to_string();
     let fixed = ["run", &file, "--clock", "simulated", "--record", "s", "--json", "--for", seconds];
     let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
-    said(folder, &[&fixed[..], &sets].concat())
+    output_text(folder, &[&fixed[..], &sets].concat())
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn a_model_of_a_recorded_run_drives_the_law_of_the_next_and_its_session_keeps_it
     let model_file = model.display().to_string();
     let signals = ["--input", "law.duties:net.0", "--output", "filter.state:position.2"];
     let how = ["--order", "2", "--sample-time", "100 ms", "--model", &model_file, "--json"];
-    let found = said(folder, &[&["identify", session][..], &signals, &how].concat());
+    let found = output_text(folder, &[&["identify", session][..], &signals, &how].concat());
     let fit = found["found"]["fit_percent"].as_f64().unwrap();
     assert!(fit > 80.0, "{fit} % one step ahead");
 
@@ -44,17 +44,17 @@ fn a_model_of_a_recorded_run_drives_the_law_of_the_next_and_its_session_keeps_it
     let height = &held["held"]["targets"][0]["channels"][0];
     assert_eq!((&height["channel"], &height["unit"]), (&"z".into(), &"mm".into()));
     assert!(height["worst"].as_f64().unwrap() < 1.0, "{height}");
-    let report = said(folder, &["report", by_model, "--json"]);
+    let report = output_text(folder, &["report", by_model, "--json"]);
     let controller = &report["sections"]["controllers"]["figures"]["controllers"][0];
-    let way = &controller["channels"][0]["step"];
-    let figure = |name: &str| way[name].as_f64().unwrap();
-    assert!((2.0..6.0).contains(&figure("rise_s")) && figure("overshoot") < 2.0, "{way}");
-    assert!(figure("left").abs() < 0.5 && figure("sd") < 0.5, "{way}");
+    let route = &controller["channels"][0]["step"];
+    let figure = |name: &str| route[name].as_f64().unwrap();
+    assert!((2.0..6.0).contains(&figure("rise_s")) && figure("overshoot") < 2.0, "{route}");
+    assert!(figure("left").abs() < 0.5 && figure("sd") < 0.5, "{route}");
 
     // The model is in the session: a replay needs no file, and another model makes other duties.
     std::fs::remove_file(&model).unwrap();
-    let again = said(folder, &["replay", by_model, "--json"]);
-    assert_eq!(again["identical_all"], true, "{again}");
+    let repeated = output_text(folder, &["replay", by_model, "--json"]);
+    assert_eq!(repeated["identical_all"], true, "{repeated}");
     let without = run(folder, "24 s", &step);
     let duties = |session: &Value| {
         text(
@@ -98,9 +98,9 @@ fn an_unstable_model_is_said_to_be_so_and_not_written() {
     let folder = tempfile::tempdir().unwrap();
     table(&folder.path().join("t.csv"), 1.05, 0.3, 200);
     let out = stillpoint(folder.path(), &[&FIT[..], &["m.json"]].concat());
-    let (said, why) = (text(&out.stdout), text(&out.stderr));
-    assert_eq!(out.status.code(), Some(1), "{said}{why}");
-    assert!(said.contains("no DC gain") && !said.contains("\nDC gain"), "{said}");
+    let (output_text, why) = (text(&out.stdout), text(&out.stderr));
+    assert_eq!(out.status.code(), Some(1), "{output_text}{why}");
+    assert!(output_text.contains("no DC gain") && !output_text.contains("\nDC gain"), "{output_text}");
     assert!(
         why.contains("the model is unstable: the pole 1.05") && why.contains("m.json is not written"),
         "{why}"
@@ -110,26 +110,26 @@ fn an_unstable_model_is_said_to_be_so_and_not_written() {
 
     let out = stillpoint(folder.path(), &[&FIT[..12], &["--json"]].concat());
     assert_eq!(out.status.code(), Some(1));
-    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert!(said["found"]["dc_gain"].is_null() && said["model"].is_null(), "{said}");
-    assert!(said["found"]["poles"][0]["modulus"]["value"].as_f64().unwrap() > 1.04, "{said}");
+    let output_text: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert!(output_text["found"]["dc_gain"].is_null() && output_text["model"].is_null(), "{output_text}");
+    assert!(output_text["found"]["poles"][0]["modulus"]["value"].as_f64().unwrap() > 1.04, "{output_text}");
 }
 
 #[test]
 fn doubtful_models_are_written_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
-    let said_of = |pole: f64, effect: f64| {
+    let text_of = |pole: f64, effect: f64| {
         table(&folder.path().join("t.csv"), pole, effect, 400);
         let out = stillpoint(folder.path(), &[&FIT[..], &["m.json"]].concat());
         assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
         std::fs::remove_file(folder.path().join("m.json")).unwrap();
         text(&out.stdout).to_owned()
     };
-    let sound = said_of(0.9, 0.3);
+    let sound = text_of(0.9, 0.3);
     assert!(!sound.contains("warning"), "{sound}");
-    let integrating = said_of(1.0, 0.3);
+    let integrating = text_of(1.0, 0.3);
     assert!(integrating.contains("warning: the pole 1.00") || integrating.contains("warning: the pole 0.99"));
     assert!(integrating.contains("cannot be told from one on the unit circle"), "{integrating}");
-    let unexplained = said_of(0.995, 0.0);
+    let unexplained = text_of(0.995, 0.0);
     assert!(unexplained.contains("the input explains nothing"), "{unexplained}");
 }

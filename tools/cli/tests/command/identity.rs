@@ -10,7 +10,7 @@ use super::{stillpoint, text};
 mod fixture;
 
 /// What the patient's DICOM says of him.
-const TOLD: [&str; 3] = ["Secret", "SECRET-4711", "19500203"];
+const REPORTED: [&str; 3] = ["Secret", "SECRET-4711", "19500203"];
 
 fn holds(path: &Path, word: &str) -> bool {
     std::fs::read(path).unwrap().windows(word.len()).any(|w| w == word.as_bytes())
@@ -31,16 +31,16 @@ fn identity_is_kept_in_the_exported_dicom_alone_and_only_where_it_is_asked_for()
     for (to, more) in [("nobody", &[][..]), ("kept", &["--keep-identity", from])] {
         let out = plan(to, more);
         assert!(out.status.success(), "{}", text(&out.stderr));
-        let said = text(&out.stdout) + &text(&out.stderr);
-        assert!(TOLD.iter().all(|word| !said.contains(word)), "{said}");
+        let output_text = text(&out.stdout) + &text(&out.stderr);
+        assert!(REPORTED.iter().all(|word| !output_text.contains(word)), "{output_text}");
     }
-    assert!(TOLD.iter().all(|word| !holds(&folder.path().join("new/small.case"), word)));
+    assert!(REPORTED.iter().all(|word| !holds(&folder.path().join("new/small.case"), word)));
     for entry in std::fs::read_dir(folder.path().join("kept")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
         let nobody = folder.path().join("nobody").join(name);
         let dicom = name.ends_with(".dcm");
-        for word in TOLD {
+        for word in REPORTED {
             assert_eq!(holds(&path, word), dicom, "{name}: {word}");
             assert!(!holds(&nobody, word), "{name}: {word}");
         }
@@ -60,10 +60,12 @@ fn the_identity_of_another_study_is_refused() {
     let import = ["case", "import", from, "--out", "small.case", "--prescribe", "PTV=20Gy"];
     assert!(stillpoint(folder.path(), &import).status.success());
     let out = stillpoint(folder.path(), &["plan", "small.case", "--angles", "0", "--keep-identity", other]);
-    let said = text(&out.stderr);
+    let output_text = text(&out.stderr);
     assert!(
-        out.status.code() == Some(1) && said.contains(fixture::STUDY) && !said.contains("Secret"),
-        "{said}"
+        out.status.code() == Some(1)
+            && output_text.contains(fixture::STUDY)
+            && !output_text.contains("Secret"),
+        "{output_text}"
     );
     assert!(!folder.path().join("plans").exists());
 }

@@ -71,9 +71,9 @@ fn closed_loops_replay_bit_for_bit_what_they_did_live() {
         assert_eq!(report["balanced"], true, "{}: {}", file.display(), report["ledger"]);
         let session = session.display().to_string();
         let replay = stillpoint(folder.path(), &["replay", &session, "--json"]);
-        let said = text(&replay.stdout);
-        assert!(replay.status.success(), "{}: {said}{}", file.display(), text(&replay.stderr));
-        let replay: Value = serde_json::from_str(&said).unwrap();
+        let output_text = text(&replay.stdout);
+        assert!(replay.status.success(), "{}: {output_text}{}", file.display(), text(&replay.stderr));
+        let replay: Value = serde_json::from_str(&output_text).unwrap();
         assert_eq!((&replay["identical_all"], &replay["open"]), (&true.into(), &serde_json::json!([])));
         assert!(replay["activations"].as_u64().unwrap() > 100, "{}", file.display());
     }
@@ -106,8 +106,8 @@ fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     assert_eq!((&target["asked"], &target["refused"]), (&1.into(), &1.into()), "{target}");
     assert_eq!(target["why"], "it cannot be reached (z)");
 
-    let said = stillpoint(folder.path(), &["report", &session.display().to_string(), "--json"]);
-    let report: Value = serde_json::from_slice(&said.stdout).unwrap();
+    let output_text = stillpoint(folder.path(), &["report", &session.display().to_string(), "--json"]);
+    let report: Value = serde_json::from_slice(&output_text.stdout).unwrap();
     let figures = |section: &str| report["sections"][section]["figures"].clone();
     assert_eq!(figures("actuation")["far_ends"][0]["refused"], refused);
     assert_eq!(figures("actuation")["far_ends"][0]["reasons"][0]["reason"], "forged");
@@ -136,21 +136,24 @@ fn the_end_of_a_run_begins_with_what_was_found_and_a_law_that_was_idle_to_the_en
     let mut call = vec!["run", &file, "--clock", "simulated", "--for", "2 s", "--no-record"];
     call.extend(small.iter().flat_map(|s| ["--set", s.as_str()]));
     let out = stillpoint(folder.path(), &call);
-    let said = text(&out.stdout);
-    assert!(out.status.success() && !said.contains("NO ANSWER"), "{said}{}", text(&out.stderr));
-    let lines: Vec<&str> = said.lines().collect();
-    assert!(lines[1].starts_with("face: ") && lines[1].contains("frames had a face"), "{said}");
+    let output_text = text(&out.stdout);
+    assert!(out.status.success() && !output_text.contains("NO ANSWER"), "{output_text}{}", text(&out.stderr));
+    let lines: Vec<&str> = output_text.lines().collect();
+    assert!(lines[1].starts_with("face: ") && lines[1].contains("frames had a face"), "{output_text}");
     let beam = lines.iter().find(|l| l.starts_with("gate.state: beam off")).unwrap();
     assert!(beam.contains("; without beam: "), "{beam}");
-    assert!(said.contains("losses: ") && said.contains("the ledger balances"), "{said}");
-    assert!(!said.contains("ledger: topic"), "the table is printed where it is asked for: {said}");
+    assert!(output_text.contains("losses: ") && output_text.contains("the ledger balances"), "{output_text}");
+    assert!(
+        !output_text.contains("ledger: topic"),
+        "the table is printed where it is asked for: {output_text}"
+    );
     // Nothing stands so high over the couch: no face, no estimate, a law that is idle to the end.
     call.extend(["--set", "face.height_min=350 mm"]);
     let out = stillpoint(folder.path(), &call);
-    let said = text(&out.stdout);
-    let lines: Vec<&str> = said.lines().collect();
-    assert!(out.status.success() && lines[1].starts_with("NO ANSWER: face: 0 of "), "{said}");
-    assert!(said.contains("NO ANSWER: law.duties: the law was idle to the end: "), "{said}");
+    let output_text = text(&out.stdout);
+    let lines: Vec<&str> = output_text.lines().collect();
+    assert!(out.status.success() && lines[1].starts_with("NO ANSWER: face: 0 of "), "{output_text}");
+    assert!(output_text.contains("NO ANSWER: law.duties: the law was idle to the end: "), "{output_text}");
     call.push("--strict");
     assert_eq!(stillpoint(folder.path(), &call).status.code(), Some(1));
     call.push("--json");

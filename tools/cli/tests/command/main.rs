@@ -42,8 +42,8 @@ fn is_current(page: &str, generated: &str) {
     if std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, generated).unwrap();
     }
-    let kept = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(kept, generated, "{page} is not current: run the tests with BLESS=1");
+    let retained = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(retained, generated, "{page} is not current: run the tests with BLESS=1");
 }
 
 #[test]
@@ -160,8 +160,11 @@ fn a_wrong_pipeline_is_refused_with_place_and_exit_code_2() {
     for command in [&["check", "wrong.yaml"][..], &["run", "wrong.yaml", "--for", "1s"]] {
         let out = stillpoint(folder.path(), command);
         assert_eq!(out.status.code(), Some(2));
-        let said = text(&out.stderr);
-        assert!(said.contains("wrong.yaml:4:16") && said.contains("segment.face"), "{said}");
+        let output_text = text(&out.stderr);
+        assert!(
+            output_text.contains("wrong.yaml:4:16") && output_text.contains("segment.face"),
+            "{output_text}"
+        );
     }
 }
 
@@ -172,20 +175,20 @@ fn faults_have_one_shape_for_programs() {
     write("good.yaml", b"stillpoint: 1\nname: x\noperators:\n  console: { use: console, every: 20 ms }\n");
     write("wrong.yaml", b"stillpoint: 1\nname: x\noperators:\n  face: { use: segment.fce }\n");
     write("binary.yaml", b"stillpoint: 1\nname: \xc3\x28\n");
-    let said = |command: &[&str]| {
+    let output_text = |command: &[&str]| {
         let out = stillpoint(folder.path(), command);
-        let said: serde_json::Value = serde_json::from_slice(&out.stdout)
+        let output_text: serde_json::Value = serde_json::from_slice(&out.stdout)
             .unwrap_or_else(|e| panic!("{command:?}: {e}: {}{}", text(&out.stdout), text(&out.stderr)));
-        (out.status.code(), said)
+        (out.status.code(), output_text)
     };
     let good = serde_json::json!({ "pipeline": "x", "operators": ["console"], "faults": [] });
-    assert_eq!(said(&["check", "good.yaml", "--json"]), (Some(0), good));
+    assert_eq!(output_text(&["check", "good.yaml", "--json"]), (Some(0), good));
     for (file, code, line, column) in [
         ("wrong.yaml", "unknown-kind", 4, 16),
         ("binary.yaml", "syntax", 2, 7),
         ("nothing.yaml", "file-missing", 1, 1),
     ] {
-        let (exit, checked) = said(&["check", file, "--json"]);
+        let (exit, checked) = output_text(&["check", file, "--json"]);
         assert_eq!(
             (exit, &checked["pipeline"], &checked["operators"]),
             (Some(2), &().into(), &serde_json::json!([]))
@@ -195,18 +198,18 @@ fn faults_have_one_shape_for_programs() {
         assert_eq!(place, (Some(file), Some(line), Some(column)));
         assert_eq!(fault["code"], code);
         assert!(fault["message"].is_string() && fault["help"].is_string(), "{fault}");
-        assert_eq!(said(&["run", file, "--json", "--for", "1s"]), (exit, checked));
+        assert_eq!(output_text(&["run", file, "--json", "--for", "1s"]), (exit, checked));
     }
 }
 
 #[test]
 fn kinds_are_described_for_programs() {
     let folder = tempfile::tempdir().unwrap();
-    let said = |command: &[&str]| -> serde_json::Value {
+    let output_text = |command: &[&str]| -> serde_json::Value {
         serde_json::from_slice(&stillpoint(folder.path(), command).stdout).unwrap()
     };
-    let all = said(&["operators", "--json"]);
-    let depth = said(&["operators", "ingest.depth", "--json"]);
+    let all = output_text(&["operators", "--json"]);
+    let depth = output_text(&["operators", "ingest.depth", "--json"]);
     assert!(all.as_array().unwrap().contains(&depth));
     assert_eq!((&depth["role"], &depth["timer"]), (&"operator".into(), &"optional".into()));
     assert_eq!(
@@ -291,10 +294,13 @@ fn what_is_not_there_is_named_and_nothing_panics() {
         (&["run", "--for", "-5s"], 2, "negative"),
     ] {
         let out = stillpoint(folder.path(), command);
-        let said = text(&out.stderr);
-        assert_eq!(out.status.code(), Some(code), "{command:?}: {said}");
-        assert!(said.contains(word), "{command:?}: {said}");
-        assert!(!said.contains("panicked") && !said.contains("RUST_BACKTRACE"), "{command:?}: {said}");
+        let output_text = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(code), "{command:?}: {output_text}");
+        assert!(output_text.contains(word), "{command:?}: {output_text}");
+        assert!(
+            !output_text.contains("panicked") && !output_text.contains("RUST_BACKTRACE"),
+            "{command:?}: {output_text}"
+        );
     }
 }
 
@@ -308,10 +314,10 @@ fn a_bedside_without_the_program_of_the_network_is_refused_with_the_command_that
         .env("STILLPOINT_BRIDGE", "/nowhere/stillpoint-bridge")
         .output()
         .unwrap();
-    let said = text(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{said}");
+    let output_text = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{output_text}");
     for words in ["/nowhere/stillpoint-bridge", "cargo build", "--manifest-path tools/bridge/Cargo.toml"] {
-        assert!(said.contains(words), "{said}");
+        assert!(output_text.contains(words), "{output_text}");
     }
     // Nothing of a run that did not begin is left.
     assert_eq!(std::fs::read_dir(folder.path().join("sessions")).unwrap().count(), 0);
@@ -332,28 +338,31 @@ fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
         let out = stillpoint(folder.path(), &[command, &["s/one-dof-tracking-0001"]].concat());
         (out.status.code(), text(&out.stdout))
     };
-    let (code, said) = call(&["info"]);
-    assert!(code == Some(0) && said.contains("repair it with `stillpoint recover`"), "{said}");
-    let (code, said) = call(&["recover", "--json"]);
-    let mended: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert_eq!((code, mended.as_array().unwrap().len()), (Some(0), 1), "{said}");
+    let (code, output_text) = call(&["info"]);
+    assert!(code == Some(0) && output_text.contains("repair it with `stillpoint recover`"), "{output_text}");
+    let (code, output_text) = call(&["recover", "--json"]);
+    let mended: serde_json::Value = serde_json::from_str(&output_text).unwrap();
+    assert_eq!((code, mended.as_array().unwrap().len()), (Some(0), 1), "{output_text}");
     assert!(
         mended[0]["messages"].as_u64().unwrap() > 0 && mended[0]["bytes_cut"].as_u64().unwrap() > 0,
-        "{said}"
+        "{output_text}"
     );
     assert_eq!(call(&["recover", "--json"]), (Some(0), "[]\n".to_owned()), "it is whole now");
     // A supervisor that died wrote no metadata.yaml, though the parts are whole.
     let metadata = folder.path().join("s/one-dof-tracking-0001/metadata.yaml");
     std::fs::remove_file(&metadata).unwrap();
-    let (code, said) = call(&["recover"]);
-    assert!(code == Some(0) && said.contains("metadata.yaml was missing and has been written"), "{said}");
+    let (code, output_text) = call(&["recover"]);
+    assert!(
+        code == Some(0) && output_text.contains("metadata.yaml was missing and has been written"),
+        "{output_text}"
+    );
     assert!(metadata.exists());
-    let (_, said) = call(&["info"]);
-    assert!(said.contains("ended cut, and ") && said.contains(" is mended"), "{said}");
-    assert!(!said.contains("stillpoint recover"), "{said}");
-    let (code, said) = call(&["replay", "--json"]);
-    let replay: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert_eq!((code, replay["differences"].as_u64()), (Some(4), Some(0)), "{said}");
+    let (_, output_text) = call(&["info"]);
+    assert!(output_text.contains("ended cut, and ") && output_text.contains(" is mended"), "{output_text}");
+    assert!(!output_text.contains("stillpoint recover"), "{output_text}");
+    let (code, output_text) = call(&["replay", "--json"]);
+    let replay: serde_json::Value = serde_json::from_str(&output_text).unwrap();
+    assert_eq!((code, replay["differences"].as_u64()), (Some(4), Some(0)), "{output_text}");
     assert!(replay["activations"].as_u64().unwrap() > 0);
 }
 
@@ -385,9 +394,9 @@ fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
     // How the filtered height follows the true one: by about as much, and settled within seconds.
     let out = fit("filter.state:position.2");
     assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
-    let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!(said["record"]["grid"]["count"], 200);
-    let gain = said["found"]["dc_gain"]["value"].as_f64().unwrap();
+    let output_text: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(output_text["record"]["grid"]["count"], 200);
+    let gain = output_text["found"]["dc_gain"]["value"].as_f64().unwrap();
     assert!((0.5..1.5).contains(&gain), "{gain}");
     let model = stillpoint_identify::InnovationModel::from_json(
         &std::fs::read(folder.path().join("m.json")).unwrap(),
@@ -416,9 +425,9 @@ fn a_run_says_how_many_frames_had_no_face_and_why() {
         text(&none.stdout)
     );
     let none = stillpoint(folder.path(), &[&run[..], &high, &["--json"]].concat());
-    let said: serde_json::Value = serde_json::from_slice(&none.stdout).unwrap();
+    let output_text: serde_json::Value = serde_json::from_slice(&none.stdout).unwrap();
     assert_eq!(
-        (&said["refused"][0]["operator"], &said["refused"][0]["refused"]),
+        (&output_text["refused"][0]["operator"], &output_text["refused"][0]["refused"]),
         (&"face".into(), &6.into())
     );
     // Without the reasons in the session the run has seen them.
@@ -428,8 +437,8 @@ fn a_run_says_how_many_frames_had_no_face_and_why() {
     std::fs::write(folder.path().join("unsaid.yaml"), unsaid).unwrap();
     let run = ["run", "unsaid.yaml", "--clock", "simulated", "--for", "1s", "--record", "s"];
     let none = stillpoint(folder.path(), &[&run[..], &high].concat());
-    let told = "\nNO ANSWER: face: 0 of 6 frames had a face: ";
-    assert!(text(&none.stdout).contains(told), "{}", text(&none.stdout));
+    let reported = "\nNO ANSWER: face: 0 of 6 frames had a face: ";
+    assert!(text(&none.stdout).contains(reported), "{}", text(&none.stdout));
 }
 
 #[test]
@@ -446,9 +455,12 @@ fn parameters_that_do_not_go_together_are_found_before_a_run() {
         let file =
             root().join(format!("examples/{example}.yaml")).canonicalize().unwrap().display().to_string();
         let out = stillpoint(folder.path(), &["check", &file, "--set", set]);
-        let said = format!("{}{}", text(&out.stdout), text(&out.stderr));
-        assert_eq!(out.status.code(), Some(2), "{said}");
-        assert!(said.contains(message) && said.contains(&format!("--set `{set}`")), "{said}");
+        let output_text = format!("{}{}", text(&out.stdout), text(&out.stderr));
+        assert_eq!(out.status.code(), Some(2), "{output_text}");
+        assert!(
+            output_text.contains(message) && output_text.contains(&format!("--set `{set}`")),
+            "{output_text}"
+        );
     }
 }
 
@@ -468,6 +480,9 @@ fn a_model_is_fitted_to_a_table() {
     let refused = stillpoint(folder.path(), &arguments);
     assert!(text(&refused.stderr).contains("add --sample-time"));
     let out = stillpoint(folder.path(), &[&arguments[..], &["--sample-time", "10 ms"]].concat());
-    let said = text(&out.stdout);
-    assert!(out.status.success() && said.contains("DC gain 3.0") && said.contains("10.000 ms"), "{said}");
+    let output_text = text(&out.stdout);
+    assert!(
+        out.status.success() && output_text.contains("DC gain 3.0") && output_text.contains("10.000 ms"),
+        "{output_text}"
+    );
 }

@@ -128,9 +128,9 @@ fn two_hosts_come_on_the_time_axis_of_the_first_by_the_surest_measurement() {
     let folder = tempfile::tempdir().unwrap();
     BEDSIDE.record(&folder.path().join("a"));
     CLUSTER.record(&folder.path().join("b"));
-    let said = merge(folder.path(), &["a", "b"]).unwrap();
-    assert_eq!(said["left_out"], serde_json::json!([]));
-    let [bedside, cluster] = [&said["hosts"][0], &said["hosts"][1]];
+    let output_text = merge(folder.path(), &["a", "b"]).unwrap();
+    assert_eq!(output_text["left_out"], serde_json::json!([]));
+    let [bedside, cluster] = [&output_text["hosts"][0], &output_text["hosts"][1]];
     assert_eq!((&bedside["offset_ns"], &bedside["uncertainty_ns"]), (&0.into(), &0.into()));
     assert_eq!((&bedside["samples"], &cluster["samples"]), (&5.into(), &4.into()));
     assert_eq!(cluster["offset_ns"], 3_000_020_000_u64);
@@ -168,8 +168,8 @@ fn two_hosts_come_on_the_time_axis_of_the_first_by_the_surest_measurement() {
 
     // The other way round, times are those of the cluster.
     std::fs::remove_dir_all(joined).unwrap();
-    let said = merge(folder.path(), &["b", "a"]).unwrap();
-    assert_eq!(said["hosts"][1]["offset_ns"], -3_000_020_000_i64);
+    let output_text = merge(folder.path(), &["b", "a"]).unwrap();
+    assert_eq!(output_text["hosts"][1]["offset_ns"], -3_000_020_000_i64);
 }
 
 #[test]
@@ -196,8 +196,8 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
         (["a", "empty"], "empty: no part-000.mcap is in this folder"),
         (["a", "text"], "text: this is no MCAP file"),
     ] {
-        let said = merge(folder.path(), &sessions).unwrap_err();
-        assert!(said.contains(words), "{sessions:?}: {said}");
+        let output_text = merge(folder.path(), &sessions).unwrap_err();
+        assert!(output_text.contains(words), "{sessions:?}: {output_text}");
     }
     // One measurement is enough.
     assert_eq!(merge(folder.path(), &["silent-a", "b"]).unwrap()["hosts"][1]["uncertainty_ns"], 50_000);

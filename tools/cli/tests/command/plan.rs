@@ -20,18 +20,18 @@ fn plan(folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&out.stdout).unwrap()
 }
 
-fn angles(told: &Value) -> Vec<f64> {
-    told["beams"].as_array().unwrap().iter().map(|b| b["gantry_deg"].as_f64().unwrap()).collect()
+fn angles(reported: &Value) -> Vec<f64> {
+    reported["beams"].as_array().unwrap().iter().map(|b| b["gantry_deg"].as_f64().unwrap()).collect()
 }
 
 #[test]
 fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "8", "--method", "exchange"];
-    let told = plan(folder.path(), &[&asked[..], &["--out", "one", "--threads", "1"]].concat());
+    let reported = plan(folder.path(), &[&asked[..], &["--out", "one", "--threads", "1"]].concat());
     plan(folder.path(), &[&asked[..], &["--out", "three", "--threads", "3"]].concat());
-    assert_eq!(angles(&told).len(), 3);
-    assert_eq!(told["searches"][0]["solves"], 8);
+    assert_eq!(angles(&reported).len(), 3);
+    assert_eq!(reported["searches"][0]["solves"], 8);
     let names = [
         "plan.json",
         "plan.html",
@@ -45,27 +45,27 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
         "rtdose.dcm",
         "rtstruct.dcm",
     ];
-    assert_eq!(told["files"].as_array().unwrap().len(), names.len());
+    assert_eq!(reported["files"].as_array().unwrap().len(), names.len());
     for name in names {
         let read = |folder_name: &str| std::fs::read(folder.path().join(folder_name).join(name)).unwrap();
         assert!(read("one") == read("three"), "{name}");
     }
-    let wanted = &told["wanted"][0];
+    let requested = &reported["wanted"][0];
     assert_eq!(
-        (&wanted["structure"], wanted["objectives"].as_array().unwrap().len()),
+        (&requested["structure"], requested["objectives"].as_array().unwrap().len()),
         (&Value::from("PTV"), 3)
     );
     let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 1600.0 } });
-    assert_eq!(wanted["objectives"][0], under, "a share of the prescription is told in gray");
-    let limits = told["protocol"]["limits"].as_array().unwrap();
-    assert_eq!(told["protocol"]["name"], "prostate");
+    assert_eq!(requested["objectives"][0], under, "a share of the prescription is told in gray");
+    let limits = reported["protocol"]["limits"].as_array().unwrap();
+    assert_eq!(reported["protocol"]["name"], "prostate");
     let of_rectum: Vec<&Value> = limits.iter().filter(|l| l["structure"] == "Rectum").collect();
     assert_eq!(of_rectum.len(), 5);
     assert!(of_rectum.iter().all(|l| l["value"].is_number() && l["passed"].is_boolean()), "{of_rectum:?}");
     assert!(limits.iter().any(|l| l["structure"] == "PenileBulb" && l["passed"].is_null()), "{limits:?}");
-    let ptv = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
+    let ptv = reported["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
     assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");
-    two_plans_stand_beside_each_other_and_others_are_refused(folder.path(), &told);
+    two_plans_stand_beside_each_other_and_others_are_refused(folder.path(), &reported);
 }
 
 /// The operator `plan.optimizer` gives these bytes, too: `stages/planning/planner/tests/recipe.rs`.
@@ -101,9 +101,9 @@ fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
     std::fs::write(folder.path().join("own.json"), own).unwrap();
     let asked =
         ["--angles", "0,72,144,216,288", "--objectives", "own.json", "--fluence-only", "--out", "own"];
-    let told = plan(folder.path(), &asked);
+    let reported = plan(folder.path(), &asked);
     let of_rectum: Vec<&Value> =
-        told["objectives"].as_array().unwrap().iter().filter(|o| o["structure"] == "Rectum").collect();
+        reported["objectives"].as_array().unwrap().iter().filter(|o| o["structure"] == "Rectum").collect();
     assert_eq!(of_rectum.len(), 3);
     let (point, geud) = (&of_rectum[0], &of_rectum[1]);
     assert_eq!(
@@ -116,15 +116,16 @@ fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
     );
     assert!(of_rectum[2]["measured"].is_null() && of_rectum[2]["cost"].as_f64().unwrap() >= 0.0);
     // The same volume as in the histogram of the plan.
-    let histograms = told["histograms"].as_array().unwrap();
+    let histograms = reported["histograms"].as_array().unwrap();
     let rectum = histograms.iter().find(|h| h["structure"] == "Rectum").unwrap();
     let step = (40.0 / rectum["step_gy"].as_f64().unwrap()).floor() as usize;
     let volume = |at: usize| rectum["volumes_percent"][at].as_f64().unwrap();
     let value = point["measured"]["value"].as_f64().unwrap();
     assert!(volume(step + 1) - 1e-3 <= value && value <= volume(step) + 1e-3, "{value} {}", volume(step));
     assert_eq!(point["met"], value <= 20.0);
-    let sum: f64 = told["objectives"].as_array().unwrap().iter().map(|o| o["cost"].as_f64().unwrap()).sum();
-    let whole = told["objective"].as_f64().unwrap();
+    let sum: f64 =
+        reported["objectives"].as_array().unwrap().iter().map(|o| o["cost"].as_f64().unwrap()).sum();
+    let whole = reported["objective"].as_f64().unwrap();
     assert!((sum - whole).abs() <= 1e-6 * whole, "{sum} {whole}");
     let page = std::fs::read_to_string(folder.path().join("own/plan.html")).unwrap();
     assert!(
@@ -141,14 +142,14 @@ fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
 fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "6", "--compare", "--robust", "5mm", "--out", "both"];
-    let told = plan(folder.path(), &asked);
-    let searches = told["searches"].as_array().unwrap();
+    let reported = plan(folder.path(), &asked);
+    let searches = reported["searches"].as_array().unwrap();
     assert_eq!(searches.len(), 9);
     let cost = |s: &Value| s["objective"].as_f64().unwrap();
     let least = searches.iter().map(cost).fold(f64::INFINITY, f64::min);
-    assert_eq!(cost(&told), least);
+    assert_eq!(cost(&reported), least);
     assert!(searches.iter().all(|s| s["solves"].as_u64().unwrap() <= 6));
-    let setups = told["setups"].as_array().unwrap();
+    let setups = reported["setups"].as_array().unwrap();
     assert_eq!(setups.len(), 6);
     assert_eq!(setups[1]["patient_moved_mm"], serde_json::json!([5.0, 0.0, 0.0]));
     assert!(setups[0]["structures"].as_array().unwrap().iter().all(|s| s["name"] != "Body"));
@@ -165,21 +166,21 @@ fn the_robust_game_is_played_by_any_method_and_tells_its_worst_case() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "9", "--method", "search", "--robust", "5mm"];
     let game = [&asked[..], &["--robust-by", "worst"]].concat();
-    let told = plan(folder.path(), &[&game[..], &["--out", "one", "--threads", "1"]].concat());
+    let reported = plan(folder.path(), &[&game[..], &["--out", "one", "--threads", "1"]].concat());
     plan(folder.path(), &[&game[..], &["--out", "three", "--threads", "3"]].concat());
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(read("one/plan.json") == read("three/plan.json"));
     // Nine solves less the six answers to each, of a fiftieth of a solve.
-    assert_eq!(told["searches"][0]["solves"], 8);
-    let answer = &told["robust_game"];
+    assert_eq!(reported["searches"][0]["solves"], 8);
+    let answer = &reported["robust_game"];
     let costs: Vec<f64> =
         answer["objectives_of_setups"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
-    assert_eq!((costs.len(), told["setups"].as_array().unwrap().len()), (6, 6));
+    assert_eq!((costs.len(), reported["setups"].as_array().unwrap().len()), (6, 6));
     let worst = answer["worst_objective"].as_f64().unwrap();
-    let planned = told["objective"].as_f64().unwrap();
+    let planned = reported["objective"].as_f64().unwrap();
     assert_eq!(costs.iter().copied().fold(planned, f64::max), worst);
     assert!(worst > planned, "5 mm off the target's edge costs: {worst} {planned}");
-    assert_eq!(told["searches"][0]["objective"].as_f64().unwrap(), worst);
+    assert_eq!(reported["searches"][0]["objective"].as_f64().unwrap(), worst);
     let page = String::from_utf8(read("one/plan.html")).unwrap();
     assert!(page.contains("Robust game: the objective is"));
     // Without the game the same options plan for the mean, and without a shift there is none to play.
@@ -219,16 +220,16 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     let folder = tempfile::tempdir().unwrap();
     let read = |asked: &[&str], name: &str| -> (Value, Value) {
         let angles = ["--angles", "0,72,144,216,288", "--out", name];
-        let told = plan(folder.path(), &[&angles[..], asked].concat());
+        let reported = plan(folder.path(), &[&angles[..], asked].concat());
         let files = ["rtplan.dcm", "rtdose.dcm"].map(|file| folder.path().join(name).join(file));
         let out =
             Command::new(&python).args(["-c", PRINT]).args(&files).env("PYTHONUTF8", "1").output().unwrap();
         assert!(out.status.success(), "{}", text(&out.stderr));
-        (told, serde_json::from_slice(&out.stdout).unwrap())
+        (reported, serde_json::from_slice(&out.stdout).unwrap())
     };
-    let (told, shaped) = read(&[], "shaped");
+    let (reported, shaped) = read(&[], "shaped");
     dciodvfy_finds_no_error(&folder.path().join("shaped"));
-    let leaves = &told["leaves"];
+    let leaves = &reported["leaves"];
     assert!(shaped["description"].as_str().unwrap().contains("step and shoot"));
     assert_eq!(shaped["weights"], serde_json::json!([1.0, 1.0, 1.0, 1.0, 1.0]));
     for (at, beam) in leaves["beams"].as_array().unwrap().iter().enumerate() {
@@ -239,26 +240,26 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     let body = leaves["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
     let largest = shaped["largest"].as_f64().unwrap() / body["d0_03cc_gy"].as_f64().unwrap();
     assert!((1.0..1.05).contains(&largest), "the dose of the file is that of the segments: {largest}");
-    let (told, read) = read(&["--fluence-only"], "given");
+    let (reported, read) = read(&["--fluence-only"], "given");
     dciodvfy_finds_no_error(&folder.path().join("given"));
-    assert_eq!((&told["leaves"], &read["units"]), (&Value::Null, &serde_json::json!([])));
+    assert_eq!((&reported["leaves"], &read["units"]), (&Value::Null, &serde_json::json!([])));
     assert_eq!(read["angles"], serde_json::json!([0.0, 72.0, 144.0, 216.0, 288.0]));
     let weights: f64 = read["weights"].as_array().unwrap().iter().map(|w| w.as_f64().unwrap()).sum();
     assert!((weights - 1.0).abs() < 1e-9, "{weights}");
     assert!(read["description"].as_str().unwrap().contains("not sequenced"));
     assert_eq!((&read["patient"], &read["belongs"]), (&Value::from(""), &Value::from(true)));
-    let grid = &told["dose"]["grid"];
+    let grid = &reported["dose"]["grid"];
     let counts: Vec<u64> =
         grid["counts"].as_array().unwrap().iter().rev().map(|n| n.as_u64().unwrap()).collect();
     assert_eq!(read["shape"], serde_json::json!(counts));
     let near = |a: &Value, b: &Value| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6;
     for axis in 0..3 {
         assert!(near(&read["origin"][axis], &grid["origin_mm"][axis]));
-        assert!(near(&read["isocentre"][axis], &told["isocentre_mm"][axis]));
+        assert!(near(&read["isocentre"][axis], &reported["isocentre_mm"][axis]));
     }
-    let body = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
-    let (largest, told) = (read["largest"].as_f64().unwrap(), body["d0_03cc_gy"].as_f64().unwrap());
-    assert!(largest >= told && largest < 1.05 * told, "{largest} {told}");
+    let body = reported["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
+    let (largest, reported) = (read["largest"].as_f64().unwrap(), body["d0_03cc_gy"].as_f64().unwrap());
+    assert!(largest >= reported && largest < 1.05 * reported, "{largest} {reported}");
 }
 
 /// dciodvfy of dicom3tools checks modules and attributes. Its version of 2022 ends on an assertion of its own for pixels of
@@ -270,8 +271,12 @@ fn dciodvfy_finds_no_error(folder: &Path) {
     with_16_bits(&folder.join("rtdose.dcm"), &short);
     for file in [folder.join("rtplan.dcm"), folder.join("rtstruct.dcm"), short] {
         let Ok(out) = Command::new(&program).arg(&file).output() else { return };
-        let said = text(&out.stdout) + &text(&out.stderr);
-        assert!(!said.contains("Error") && said.contains("RT"), "{}: {said}", file.display());
+        let output_text = text(&out.stdout) + &text(&out.stderr);
+        assert!(
+            !output_text.contains("Error") && output_text.contains("RT"),
+            "{}: {output_text}",
+            file.display()
+        );
     }
 }
 
@@ -337,26 +342,26 @@ fn dicompyler_finds_the_told_figures() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let told = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "read"]);
+    let reported = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "read"]);
     let files = ["rtstruct.dcm", "rtdose.dcm"].map(|name| folder.path().join("read").join(name));
     let names = ["PTV", "CTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR"];
     let out = Command::new(&python).args(["-c", DICOMPYLER]).args(&files).args(names).output().unwrap();
     assert!(out.status.success(), "{}", text(&out.stderr));
     let found: Value = serde_json::from_slice(&out.stdout).unwrap();
     for name in names {
-        let figures = told["leaves"]["structures"].as_array().unwrap();
-        let told = figures.iter().find(|f| f["name"] == name).unwrap();
+        let figures = reported["leaves"]["structures"].as_array().unwrap();
+        let reported = figures.iter().find(|f| f["name"] == name).unwrap();
         let (found, number) = (&found[name], |value: &Value| value.as_f64().unwrap());
-        let near = |what: &str, found: &Value, told: f64, most: f64| {
-            assert!((number(found) - told).abs() <= most, "{name}, {what}: {found} beside {told}");
+        let near = |what: &str, found: &Value, reported: f64, most: f64| {
+            assert!((number(found) - reported).abs() <= most, "{name}, {what}: {found} beside {reported}");
         };
-        let cm3 = number(&told["volume_cm3"]);
+        let cm3 = number(&reported["volume_cm3"]);
         near("cm3", &found["volume"], cm3, 0.01 * cm3);
-        near("mean", &found["mean"], number(&told["mean_gy"]), 0.5);
+        near("mean", &found["mean"], number(&reported["mean_gy"]), 0.5);
         for (at, what) in ["d98_gy", "d95_gy", "d50_gy", "d2_gy"].into_iter().enumerate() {
-            near(what, &found["doses"][at], number(&told[what]), 0.5);
+            near(what, &found["doses"][at], number(&reported[what]), 0.5);
         }
-        for (at, volume) in told["volumes"].as_array().unwrap().iter().enumerate() {
+        for (at, volume) in reported["volumes"].as_array().unwrap().iter().enumerate() {
             near(
                 &format!("V{}", volume["dose_gy"]),
                 &found["percents"][at],
@@ -380,9 +385,12 @@ fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &V
     let b = write("b.json", &|plan| plan["beams"][0]["gantry_deg"] = 356.into());
     let out = compare(&["one", "b.json", "--out", "both.html", "--json"]);
     assert!(out.status.success(), "{}", text(&out.stderr));
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!((&told["case"]["hash"], &told["same_objectives"]), (&a["case"]["hash"], &Value::from(true)));
-    let [of_a, of_b] = [&told["plans"][0], &told["plans"][1]];
+    let reported: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(
+        (&reported["case"]["hash"], &reported["same_objectives"]),
+        (&a["case"]["hash"], &Value::from(true))
+    );
+    let [of_a, of_b] = [&reported["plans"][0], &reported["plans"][1]];
     assert_eq!(
         of_a["structures"], a["leaves"]["structures"],
         "figures of the segments, where there are some"
@@ -408,14 +416,14 @@ fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &V
         text(&out.stderr)
     };
     let none = || serde_json::json!([]);
-    for (said, why) in [
+    for (output_text, why) in [
         (refused(&|plan| plan["case"]["hash"] = "0".into()), "the plans are of different cases"),
         (refused(&|plan| plan["prescription"] = none()), "c.json: the plan has no prescription"),
         (refused(&|plan| plan["histograms"] = none()), "an older build"),
         (refused(&|plan| plan["structures"][1]["volumes"] = none()), "not at the doses of"),
         (refused(&|plan| plan["objective"] = Value::Null), "c.json: this is no plan.json"),
     ] {
-        assert!(said.contains(why), "{said}");
+        assert!(output_text.contains(why), "{output_text}");
     }
     assert!(text(&compare(&["one", "none"]).stderr).contains("none"));
 }
@@ -424,7 +432,7 @@ fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &V
 fn what_cannot_be_planned_is_said_with_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("wrong.json"), r#"{"objectives": [{"wanted": []}]}"#).unwrap();
-    let said = |arguments: &[&str]| {
+    let output_text = |arguments: &[&str]| {
         let out = stillpoint(folder.path(), &[&["plan"], arguments].concat());
         assert!(!out.status.success(), "{arguments:?}");
         text(&out.stderr)
@@ -436,49 +444,53 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
         &["--method", "network", "--network", "none.safetensors"],
     ] {
         let out = stillpoint(folder.path(), &[&["plan"], missing].concat());
-        let said = text(&out.stderr);
-        assert!(out.status.code() == Some(2) && said.contains("none."), "{missing:?}: {said}");
+        let output_text = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && output_text.contains("none."), "{missing:?}: {output_text}");
     }
-    assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
-    assert!(said(&["--angles", "0,10,370"]).contains("two beams have the gantry angle 10 degrees"));
-    assert!(said(&["--angles", "-40,nan"]).contains("invalid gantry angle: NaN"));
-    assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));
-    assert!(said(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100"));
+    assert!(output_text(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
+    assert!(output_text(&["--angles", "0,10,370"]).contains("two beams have the gantry angle 10 degrees"));
+    assert!(output_text(&["--angles", "-40,nan"]).contains("invalid gantry angle: NaN"));
+    assert!(output_text(&["--grid", "5"]).contains("must be a number with its unit, mm"));
+    assert!(
+        output_text(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100")
+    );
     std::fs::write(folder.path().join("file"), "").unwrap();
-    let out = said(&["--out", "file/plan"]);
+    let out = output_text(&["--out", "file/plan"]);
     assert!(out.contains("give another folder with --out"), "{out}");
     assert!(!folder.path().join("doses").exists(), "nothing is computed before it is known where to write");
-    assert!(said(&["--robust", "0mm"]).contains("above 0 mm"));
-    assert!(said(&["--budget", "0"]).contains("allow at least 1"));
-    assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
-    assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
-    let out = said(&["--method", "search", "--prior", "network", "--network", "file"]);
+    assert!(output_text(&["--robust", "0mm"]).contains("above 0 mm"));
+    assert!(output_text(&["--budget", "0"]).contains("allow at least 1"));
+    assert!(output_text(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
+    assert!(output_text(&["--keep-identity", "."]).contains("does not come from DICOM"));
+    let out = output_text(&["--method", "search", "--prior", "network", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
-    let out = said(&["--compare", "--network", "file"]);
+    let out = output_text(&["--compare", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
-    assert!(said(&["--network", "file"]).contains("give one of them, too"));
-    assert!(said(&["--method", "annealing", "--prior", "geometry"]).contains("annealing takes no prior"));
+    assert!(output_text(&["--network", "file"]).contains("give one of them, too"));
+    assert!(
+        output_text(&["--method", "annealing", "--prior", "geometry"]).contains("annealing takes no prior")
+    );
 }
 
 #[test]
 fn a_trained_network_chooses_from_the_image_and_only_its_beams_get_doses() {
     let folder = tempfile::tempdir().unwrap();
     // Numbers without meaning, but a network.
-    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2, set: 2, layers: 2 };
+    let sizes = Sizes { structure: 2, ring: 3, angle: 3, neighbour: 2, pair: 2, set: 2, layers: 2 };
     let some = |n: usize| (0..n).map(|i| 0.3 + 0.1 * ((7 * i) % 5) as f32).collect::<Vec<f32>>();
     let numbers = sizes.tensors().into_iter().map(|(_, shape)| some(shape.iter().product())).collect();
     let model = Model::new(sizes, numbers).unwrap();
     std::fs::write(folder.path().join("model"), model.to_safetensors().unwrap()).unwrap();
-    let told = plan(
+    let reported = plan(
         folder.path(),
         &["--method", "prior", "--prior", "network", "--network", "model", "--out", "one"],
     );
-    assert_eq!(angles(&told).len(), 5);
-    assert_eq!(told["searches"][0]["solves"], 1);
+    assert_eq!(angles(&reported).len(), 5);
+    assert_eq!(reported["searches"][0]["solves"], 1);
     let doses = std::fs::read_dir(folder.path().join("doses")).unwrap().count();
     assert!((5..20).contains(&doses), "{doses} doses, and the ring has 90 beams");
     // The network that comes with the project is another one.
     let shipped = plan(folder.path(), &["--method", "network", "--budget", "2", "--out", "two"]);
     assert_eq!(shipped["searches"][0]["solves"], 2);
-    assert!(shipped["objective"].as_f64().unwrap() < told["objective"].as_f64().unwrap());
+    assert!(shipped["objective"].as_f64().unwrap() < reported["objective"].as_f64().unwrap());
 }

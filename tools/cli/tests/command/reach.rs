@@ -37,10 +37,10 @@ fn the_sources_step_is_on_the_map_and_what_lies_beyond_names_its_bladder() {
 fn a_rig_of_one_bladder_has_a_line_and_people_see_what_it_holds() {
     let folder = tempfile::tempdir().unwrap();
     let out = stillpoint(folder.path(), &["reach", "one_bladder", "--columns", "16"]);
-    let said = text(&out.stdout);
+    let output_text = text(&out.stdout);
     assert!(out.status.success(), "{}", text(&out.stderr));
     // From -50 to 100 mm in steps of 10: from 20 mm below to 89 mm above the start it can be held.
-    assert!(said.contains(" 000") && said.contains("..........00\n"), "{said}");
+    assert!(output_text.contains(" 000") && output_text.contains("..........00\n"), "{output_text}");
 }
 
 #[test]
@@ -59,8 +59,8 @@ fn what_cannot_be_mapped_is_said_with_what_to_write() {
         (&["--columns", "1"], "--columns"),
     ] {
         let out = stillpoint(folder.path(), &[&["reach"], arguments].concat());
-        let said = text(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{arguments:?}: {said}");
-        assert!(said.contains(words), "{arguments:?}: {said}");
+        let output_text = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{arguments:?}: {output_text}");
+        assert!(output_text.contains(words), "{arguments:?}: {output_text}");
     }
 }

@@ -19,8 +19,8 @@ fn run(folder: &Path, file: &str, seconds: &str, sets: &[&str]) -> (PathBuf, Val
     }
     let out = stillpoint(folder, &arguments);
     assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
-    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
-    (folder.join(said["session"].as_str().unwrap()), said)
+    let output_text: Value = serde_json::from_slice(&out.stdout).unwrap();
+    (folder.join(output_text["session"].as_str().unwrap()), output_text)
 }
 
 const SMALL: [&str; 3] = ["rig.width='160 px'", "rig.height='120 px'", "rig.focal_length='141 px'"];
@@ -52,7 +52,7 @@ fn stands_alone(page: &str) {
 #[test]
 fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_alone() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, said) = run(
+    let (session, output_text) = run(
         folder.path(),
         "tools/cli/tests/command/centroid.yaml",
         "8s",
@@ -67,7 +67,7 @@ fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_
         errors.iter().find(|e| e["topic"] == topic && e["channel"] == channel).unwrap().clone()
     };
     for (i, channel) in ["x", "y", "z"].into_iter().enumerate() {
-        let stated = said["accuracy"]["rms_mm"][i].as_f64().unwrap();
+        let stated = output_text["accuracy"]["rms_mm"][i].as_f64().unwrap();
         let found = of("filter.state", channel)["rms"].as_f64().unwrap();
         assert!((stated - found).abs() < 1e-9, "{channel}: {stated} {found}");
     }
@@ -105,8 +105,8 @@ fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_
 
     // The ledger is the run's own; rates are those of the pipeline; nothing failed.
     let lines = figures("ledger")["lines"].as_array().unwrap().clone();
-    assert_eq!(lines.len(), said["ledger"].as_array().unwrap().len());
-    assert_eq!(lines[0]["sent"], said["ledger"][0]["sent"]);
+    assert_eq!(lines.len(), output_text["ledger"].as_array().unwrap().len());
+    assert_eq!(lines[0]["sent"], output_text["ledger"][0]["sent"]);
     let operators = figures("operators")["operators"].as_array().unwrap().clone();
     let rig = operators.iter().find(|o| o["operator"] == "rig").unwrap();
     assert!(rig["activations"] == 80 && (rig["rate_hz"].as_f64().unwrap() - 10.0).abs() < 0.2);
@@ -135,13 +135,13 @@ fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_
 #[test]
 fn a_run_states_the_accuracy_of_its_report_also_over_several_captures() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, said) = run(folder.path(), "pipeline.yaml", "4s", &SMALL_CAMERA);
+    let (session, output_text) = run(folder.path(), "pipeline.yaml", "4s", &SMALL_CAMERA);
     let (json, _) = report(folder.path(), &session);
     let statuses = &json["sections"]["alignment"]["figures"]["trackers"][0]["statuses"];
     let captured = statuses.as_array().unwrap().iter().find(|s| s[0] == "captured").unwrap();
     assert!(captured[1].as_u64().unwrap() > 1, "{statuses}");
     let errors = json["sections"]["errors"]["figures"]["errors"].as_array().unwrap().clone();
-    let accuracy = &said["accuracy"];
+    let accuracy = &output_text["accuracy"];
     let [rms_mm, rms_deg] = [&accuracy["rms_mm"], &accuracy["turns"]["rms_deg"]];
     for (place, channel) in ["x", "y", "z", "pitch", "roll", "yaw"].into_iter().enumerate() {
         let stated = if place < 3 { &rms_mm[place] } else { &rms_deg[place - 3] };
@@ -157,9 +157,9 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
         [format!("{c}.width='160 px'"), format!("{c}.height='120 px'"), format!("{c}.focal_length='141 px'")]
     });
     let sets: Vec<&str> = sizes.iter().flatten().map(String::as_str).collect();
-    let (session, said) = run(folder.path(), "examples/one-dof-tracking.yaml", "8s", &sets);
+    let (session, output_text) = run(folder.path(), "examples/one-dof-tracking.yaml", "8s", &sets);
     // Of three tracks the run states the accuracy of the one that is made of the others.
-    assert_eq!(said["accuracy"]["topic"], "fused.state");
+    assert_eq!(output_text["accuracy"]["topic"], "fused.state");
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
     let figures = &json["sections"]["filters"]["figures"];
@@ -217,8 +217,8 @@ fn poses_claim_what_their_errors_are_and_a_filter_that_allows_for_coughs_expects
 fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let waits = [&SMALL[..], &["head.capture=command"]].concat();
-    let (session, said) = run(folder.path(), "examples/head-tracking.yaml", "1s", &waits);
-    let uncaptured = &said["uncaptured"][0];
+    let (session, output_text) = run(folder.path(), "examples/head-tracking.yaml", "1s", &waits);
+    let uncaptured = &output_text["uncaptured"][0];
     assert_eq!(
         (&uncaptured["operator"], &uncaptured["command"]),
         (&"head".into(), &"console.capture".into())
@@ -231,7 +231,7 @@ fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
     assert!(page.contains("none captured: no pose") && page.contains("no reference was captured"));
     // What people read; and with a reference, nothing is said.
     let file = root().join("examples/head-tracking.yaml").canonicalize().unwrap().display().to_string();
-    for (capture, is_told) in [("command", true), ("first", false)] {
+    for (capture, is_reported) in [("command", true), ("first", false)] {
         let set = format!("head.capture={capture}");
         let mut arguments =
             vec!["run", &file, "--clock", "simulated", "--for", "1s", "--record", "t", "--set", &set];
@@ -239,7 +239,13 @@ fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
         let out = stillpoint(folder.path(), &arguments);
         let line = "head: NO REFERENCE was captured, so none of 10 frames has a pose: stillpoint send console.capture \
                     takes the next face\n";
-        assert_eq!(text(&out.stdout).contains(line), is_told, "{}{}", text(&out.stdout), text(&out.stderr));
+        assert_eq!(
+            text(&out.stdout).contains(line),
+            is_reported,
+            "{}{}",
+            text(&out.stdout),
+            text(&out.stderr)
+        );
     }
 }
 
@@ -262,9 +268,9 @@ fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() 
         |how: &[&str]| stillpoint(folder.path(), &[&["run", &file, "--no-record"], how, &sets[..]].concat());
     // Simulated, in processes, and live: nothing is recorded, and the end is the same.
     let out = unrecorded(&["--clock", "simulated", "--for", "4s", "--json"]);
-    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let output_text: Value = serde_json::from_slice(&out.stdout).unwrap();
     for part in ["valves", "far_ends"] {
-        assert_eq!(said["held"][part], recorded["held"][part]);
+        assert_eq!(output_text["held"][part], recorded["held"][part]);
     }
     let out = unrecorded(&["--lock-step=processes", "--for", "4s"]);
     assert!(text(&out.stdout).contains("vented 2 times, "), "{}{}", text(&out.stdout), text(&out.stderr));
@@ -282,12 +288,12 @@ fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let folder = tempfile::tempdir().unwrap();
     // The first beam comes before the step: the breath proves the head within 4 s.
     let later = "target.moves=[{ at: 4 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
-    let (session, said) = run(folder.path(), "pipeline.yaml", "7500ms", &[later]);
+    let (session, output_text) = run(folder.path(), "pipeline.yaml", "7500ms", &[later]);
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
     let figures = |id: &str| json["sections"][id]["figures"].clone();
     // The run itself says how the head was held at its end.
-    let held = &said["held"];
+    let held = &output_text["held"];
     let off = held["targets"][0]["channels"].as_array().unwrap();
     let names: Vec<&str> = off.iter().map(|c| c["channel"].as_str().unwrap()).collect();
     assert_eq!(names, ["z", "pitch", "roll"]);

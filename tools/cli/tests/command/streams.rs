@@ -46,9 +46,12 @@ fn an_exit_code_is_what_it_is_whoever_listens() {
             "{arguments:?}"
         );
         let unwritten = with(folder.path(), arguments, Some(full()), None);
-        let said = text(&unwritten.stderr);
-        assert_eq!(unwritten.status.code(), Some(on_a_full_disk), "{arguments:?}: {said}");
-        assert!(said.contains("standard output cannot be written: No space left"), "{arguments:?}: {said}");
+        let output_text = text(&unwritten.stderr);
+        assert_eq!(unwritten.status.code(), Some(on_a_full_disk), "{arguments:?}: {output_text}");
+        assert!(
+            output_text.contains("standard output cannot be written: No space left"),
+            "{arguments:?}: {output_text}"
+        );
     }
     for (arguments, code) in [
         (&["check", "wrong.yaml"][..], 2),
@@ -70,9 +73,9 @@ fn an_argument_that_is_no_text_is_refused() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
         let out = command.args(arguments.iter().map(|a| OsStr::from_bytes(a))).current_dir(folder.path());
         let out = out.output().unwrap();
-        let said = text(&out.stderr);
-        assert!(matches!(out.status.code(), Some(1 | 2)), "{arguments:?}: {:?} {said}", out.status);
-        assert!(!said.contains("panicked") && !said.contains("itself"), "{said}");
+        let output_text = text(&out.stderr);
+        assert!(matches!(out.status.code(), Some(1 | 2)), "{arguments:?}: {:?} {output_text}", out.status);
+        assert!(!output_text.contains("panicked") && !output_text.contains("itself"), "{output_text}");
     }
 }
 
@@ -82,8 +85,12 @@ fn a_file_without_an_end_is_too_long() {
     // More than any memory has, and nothing on the disk.
     std::fs::File::create(folder.path().join("long.yaml")).unwrap().set_len(1 << 42).unwrap();
     let out = stillpoint(folder.path(), &["check", "long.yaml", "--json"]);
-    let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!((out.status.code(), &said["faults"][0]["code"]), (Some(2), &"too-large".into()), "{said}");
+    let output_text: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(
+        (out.status.code(), &output_text["faults"][0]["code"]),
+        (Some(2), &"too-large".into()),
+        "{output_text}"
+    );
 }
 
 #[test]
@@ -99,8 +106,11 @@ fn every_message_begins_with_the_name_of_the_command() {
         &["operators", "segment.fac"],
         &["echo", "imu", "--session", "nothing"],
     ] {
-        let said = text(&stillpoint(folder.path(), arguments).stderr);
-        assert!(said.starts_with("stillpoint: ") && said.matches("stillpoint: ").count() == 1, "{said}");
+        let output_text = text(&stillpoint(folder.path(), arguments).stderr);
+        assert!(
+            output_text.starts_with("stillpoint: ") && output_text.matches("stillpoint: ").count() == 1,
+            "{output_text}"
+        );
     }
 }
 

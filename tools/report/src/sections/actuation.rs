@@ -50,7 +50,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = ActuationFigures {
         bladders: recording.pressures.iter().flat_map(bladders).collect(),
         changes: changes.collect(),
-        far_ends: recording.far_ends.iter().filter_map(FarEnds::told).collect(),
+        far_ends: recording.far_ends.iter().filter_map(FarEnds::reported).collect(),
     };
     let mut section = Section::new("actuation", "Pressures and actuation", &figures)?;
     if figures.bladders.is_empty() && figures.changes.is_empty() {

@@ -66,7 +66,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         return Ok(section.nothing("The session has no frames whose identity was checked."));
     }
     for t in &figures.trackers {
-        section.blocks.push(Block::Text(said(t)));
+        section.blocks.push(Block::Text(sentence(t)));
         let columns = ["part", "least", "median", "frames below 0.5"];
         let mut table = Table::new(t.topic.clone(), &columns);
         for (name, range) in
@@ -95,7 +95,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     Ok(section)
 }
 
-fn said(t: &Tracker) -> String {
+fn sentence(t: &Tracker) -> String {
     let proof = match t.proven_s {
         Some(s) => format!(
             "the head was seen to move with all its parts {} s after the first judged frame",

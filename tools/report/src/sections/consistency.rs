@@ -10,7 +10,7 @@ use crate::chart::{Chart, Series, Style};
 use crate::motion::Comparison;
 use crate::numbers::{count, fixed, percent};
 use crate::page::{Block, Cell, Section, Table};
-use crate::recording::{Part, Recording, Signal};
+use crate::recording::{PoseRole, Recording, Signal};
 use crate::source::Source;
 use crate::statistics::{for_dots, mean};
 
@@ -68,7 +68,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let compared = compared(recording);
     let (mut estimates, mut charts) = (Vec::new(), Vec::new());
-    for signal in recording.signals.iter().filter(|s| s.part != Part::Truth) {
+    for signal in recording.signals.iter().filter(|s| s.part != PoseRole::Truth) {
         let found = compared.iter().find(|c| c.signal.topic == signal.topic).map(|c| &c.found);
         let nis = nis(recording, signal);
         let nis_figures = Normalised::of(&numbers(&nis), nis_expected(recording, signal));
@@ -90,8 +90,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = ConsistencyFigures { estimates };
     let mut section = Section::new("consistency", "Consistency", &figures)?;
     if figures.estimates.is_empty() {
-        let said = "The session has no filtered track with innovations, and no estimate with a truth.";
-        return Ok(section.nothing(said));
+        let sentence = "The session has no filtered track with innovations, and no estimate with a truth.";
+        return Ok(section.nothing(sentence));
     }
     section.blocks.push(Block::Text(
         "NIS is the square of what a measurement adds, over what the filter expects it to be; NEES the same of the error of \
@@ -120,19 +120,19 @@ fn nis(recording: &Recording<'_>, signal: &Signal) -> Vec<(f64, f64)> {
 
 /// What a filter's diagnostics say is to be expected; else the number of its channels.
 fn nis_expected(recording: &Recording<'_>, signal: &Signal) -> f64 {
-    let said = diagnostics(recording, signal, "nis_mean_expected").last().map(|(_, v)| *v);
+    let sentence = diagnostics(recording, signal, "nis_mean_expected").last().map(|(_, v)| *v);
     let channels = signal.tracking.map_or(0, |t| t.channels.count_ones());
-    said.filter(|v| v.is_finite()).unwrap_or(f64::from(channels))
+    sentence.filter(|v| v.is_finite()).unwrap_or(f64::from(channels))
 }
 
 /// By the filter's diagnostics; where it was not told the truth, by the comparison with it. And what is to be expected.
 fn nees(recording: &Recording<'_>, signal: &Signal, found: Option<&Comparison>) -> (Vec<(f64, f64)>, f64) {
-    let said = diagnostics(recording, signal, "nees").iter().filter(|(_, v)| v.is_finite());
-    let told: Vec<_> = said.map(|(stamp, v)| (recording.seconds(*stamp), *v)).collect();
-    if !told.is_empty() {
+    let sentence = diagnostics(recording, signal, "nees").iter().filter(|(_, v)| v.is_finite());
+    let reported: Vec<_> = sentence.map(|(stamp, v)| (recording.seconds(*stamp), *v)).collect();
+    if !reported.is_empty() {
         let expected =
             diagnostics(recording, signal, "nees_mean_expected").last().map_or(f64::NAN, |(_, v)| *v);
-        return (told, expected);
+        return (reported, expected);
     }
     let pairs = found.map_or(&[][..], |f| &f.pairs);
     let Some(channels) = pairs.iter().filter_map(|p| p.nees).map(|(_, channels)| channels).max() else {

@@ -119,10 +119,13 @@ mod tests {
                 slides: 0b10 * u32::from(k > 1),
             });
         }
-        let told = bladders(&touches);
-        assert_eq!(told.len(), 2);
-        assert_eq!((told[0].least_n, told[0].least_margin_n), (Some(0.5), Some(-0.5)));
-        assert_eq!((told[0].low, told[0].slides), (0.25, 0.0));
-        assert_eq!((told[1].least_n, told[1].least_margin_n, told[1].slides), (Some(20.0), None, 0.5));
+        let reported = bladders(&touches);
+        assert_eq!(reported.len(), 2);
+        assert_eq!((reported[0].least_n, reported[0].least_margin_n), (Some(0.5), Some(-0.5)));
+        assert_eq!((reported[0].low, reported[0].slides), (0.25, 0.0));
+        assert_eq!(
+            (reported[1].least_n, reported[1].least_margin_n, reported[1].slides),
+            (Some(20.0), None, 0.5)
+        );
     }
 }

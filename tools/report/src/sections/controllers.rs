@@ -11,8 +11,8 @@ use crate::chart::{Chart, Series, Style};
 use crate::motion::{CHANNELS, Truth, compare, unit};
 use crate::numbers::{fixed, percent};
 use crate::page::{Block, Cell, Section, Table};
-use crate::ranking::{Contender, Rank, ranking, said};
-use crate::recording::{Aims, Orders, Part, Recording, Signal};
+use crate::ranking::{Contender, Rank, ranking, sentence};
+use crate::recording::{Orders, PoseRole, Recording, Signal, TargetTrack};
 use crate::source::Source;
 use crate::statistics::for_a_line;
 use crate::wiring::Stage;
@@ -71,13 +71,13 @@ struct Nearest {
 struct Loop<'r> {
     stage: &'r Stage,
     orders: &'r Orders,
-    aims: &'r Aims,
+    target_track: &'r TargetTrack,
     estimate: &'r Signal,
     truth: Option<&'r Signal>,
 }
 
 /// One channel of a loop over time, s, counted from where the target first was.
-struct Way {
+struct Approach {
     target: Vec<(f64, f64)>,
     value: Vec<(f64, f64)>,
     /// The reference model, where the law says it.
@@ -89,10 +89,10 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let loops: Vec<Loop<'_>> =
         recording.wiring.stages().iter().filter_map(|s| controller(recording, s)).collect();
     let (mut controllers, mut charts) = (Vec::new(), Vec::new());
-    let ways: Vec<[Option<Way>; 6]> = loops.iter().map(|l| ways(recording, l)).collect();
+    let ways: Vec<[Option<Approach>; 6]> = loops.iter().map(|l| ways(recording, l)).collect();
     for (of, ways) in loops.iter().zip(&ways) {
-        let answers = ways.iter().enumerate().filter_map(|(channel, way)| {
-            way.as_ref().and_then(|way| answer(channel, way, recording.length()))
+        let answers = ways.iter().enumerate().filter_map(|(channel, approach)| {
+            approach.as_ref().and_then(|approach| answer(channel, approach, recording.length()))
         });
         controllers.push(figures(from, of, answers.collect()));
     }
@@ -111,11 +111,13 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     section.blocks.push(Block::Table(efforts(&figures.controllers)));
     section.blocks.push(Block::Table(answers(&figures.controllers)));
     if !figures.nearest.is_empty() {
-        let said = figures.nearest.iter().map(|n| format!("{} {}", n.channel, n.controller));
-        let said = said.collect::<Vec<_>>().join(", ");
-        section.blocks.push(Block::Text(format!("Smallest error while the target was constant: {said}.")));
+        let sentence = figures.nearest.iter().map(|n| format!("{} {}", n.channel, n.controller));
+        let sentence = sentence.collect::<Vec<_>>().join(", ");
+        section
+            .blocks
+            .push(Block::Text(format!("Smallest error while the target was constant: {sentence}.")));
     }
-    section.blocks.extend(said(&figures.ranking, &contenders).map(Block::Text));
+    section.blocks.extend(sentence(&figures.ranking, &contenders).map(Block::Text));
     charts.extend((0..6).filter_map(|channel| side_by_side(&loops, &ways, channel)));
     charts.extend(loops.iter().filter_map(|l| gains(recording, l.stage)));
     section.blocks.extend(charts);
@@ -125,22 +127,22 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
 /// A stage that makes duties out of a target and an estimate, all of which were recorded.
 fn controller<'r>(recording: &'r Recording<'_>, stage: &'r Stage) -> Option<Loop<'r>> {
     let orders = recording.duties.iter().find(|d| stage.outputs.contains(&d.topic))?;
-    let aims = recording.targets.iter().find(|t| stage.inputs.contains(&t.topic))?;
-    let is_estimate = |s: &&Signal| stage.inputs.contains(&s.topic) && s.part != Part::Truth;
+    let target_track = recording.targets.iter().find(|t| stage.inputs.contains(&t.topic))?;
+    let is_estimate = |s: &&Signal| stage.inputs.contains(&s.topic) && s.part != PoseRole::Truth;
     let estimate = recording.signals.iter().find(is_estimate)?;
     if orders.values.items().is_empty() || estimate.states.items().is_empty() {
         return None;
     }
-    Some(Loop { stage, orders, aims, estimate, truth: recording.truth_of(estimate) })
+    Some(Loop { stage, orders, target_track, estimate, truth: recording.truth_of(estimate) })
 }
 
 /// The channels that the target holds: target and truth, in mm and degrees.
-fn ways(recording: &Recording<'_>, of: &Loop<'_>) -> [Option<Way>; 6] {
-    let aims = of.aims.values.items();
+fn ways(recording: &Recording<'_>, of: &Loop<'_>) -> [Option<Approach>; 6] {
+    let target_track = of.target_track.values.items();
     let found = of.truth.map(|truth| compare(&Truth::of(truth), of.estimate.states.items()));
     std::array::from_fn(|channel| {
         let scale = unit(channel).1;
-        let target = aims.iter().filter(|(_, all)| all[channel].is_finite());
+        let target = target_track.iter().filter(|(_, all)| all[channel].is_finite());
         let mut target: Vec<(f64, f64)> =
             target.map(|(t, all)| (recording.seconds(*t), all[channel] * scale)).collect();
         let (begin, start) = *target.first()?;
@@ -158,7 +160,7 @@ fn ways(recording: &Recording<'_>, of: &Loop<'_>) -> [Option<Way>; 6] {
         let value: Vec<_> = value.filter(|(t, v)| *t >= begin && v.is_finite()).collect();
         target.iter_mut().for_each(|(_, v)| *v -= start);
         let model = model(recording, of.stage, channel).into_iter().map(|(t, v)| (t, v - start)).collect();
-        (!value.is_empty()).then_some(Way { target, value, model })
+        (!value.is_empty()).then_some(Approach { target, value, model })
     })
 }
 
@@ -172,31 +174,31 @@ fn model(recording: &Recording<'_>, stage: &Stage, channel: usize) -> Vec<(f64, 
     known.map(|(t, v)| (recording.seconds(*t), v * unit(channel).1)).collect()
 }
 
-fn answer(channel: usize, way: &Way, end: f64) -> Option<Answer> {
+fn answer(channel: usize, approach: &Approach, end: f64) -> Option<Answer> {
     let beyond = |from: &[(f64, f64)]| -> Vec<(f64, f64)> {
         let distance = |(time, value): &(f64, f64)| {
             let stood = from.partition_point(|(t, _)| t <= time).checked_sub(1)?;
             Some((*time, value - from[stood].1))
         };
-        way.value.iter().filter_map(distance).collect()
+        approach.value.iter().filter_map(distance).collect()
     };
     let rms_of = |distances: &[(f64, f64)]| rms(&distances.iter().map(|(_, d)| *d).collect::<Vec<_>>());
-    let distances = beyond(&way.target);
-    let held: Vec<f64> = second_halves(&way.target, end)
+    let distances = beyond(&approach.target);
+    let held: Vec<f64> = second_halves(&approach.target, end)
         .iter()
         .flat_map(|[from, to]| distances.iter().filter(move |(t, _)| (*from..*to).contains(t)))
         .map(|(_, d)| *d)
         .collect();
-    let mut steps = steps(&way.target, end);
+    let mut steps = steps(&approach.target, end);
     steps.sort_by(|a, b| (b.to - b.from).abs().total_cmp(&(a.to - a.from).abs()));
     Some(Answer {
         channel: CHANNELS[channel],
         unit: unit(channel).0,
         rms: rms_of(&distances)?,
-        rms_model: rms_of(&beyond(&way.model)),
+        rms_model: rms_of(&beyond(&approach.model)),
         rms_held: rms(&held),
         worst_held: held.iter().map(|d| d.abs()).reduce(f64::max),
-        step: steps.first().and_then(|step| response(*step, &way.value)),
+        step: steps.first().and_then(|step| response(*step, &approach.value)),
     })
 }
 
@@ -222,7 +224,7 @@ fn figures(from: &Source<'_>, of: &Loop<'_>, channels: Vec<Answer>) -> Controlle
     Controller {
         controller: of.stage.name.clone(),
         law: law.map(|o| o.stage.kind.name.to_owned()),
-        target: of.aims.topic.clone(),
+        target: of.target_track.topic.clone(),
         estimate: of.estimate.topic.clone(),
         truth: of.truth.map(|t| t.topic.clone()),
         person: of.truth.and_then(|t| person(&from.recording, &t.topic)),
@@ -316,25 +318,25 @@ fn answers(controllers: &[Controller]) -> Table {
 }
 
 /// All loops in one channel, as figure 4.11 has it.
-fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -> Option<Block> {
+fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Approach>; 6]], channel: usize) -> Option<Block> {
     let unit = unit(channel).0;
     let all = || loops.iter().zip(ways).filter_map(|(of, ways)| Some((of, ways[channel].as_ref()?)));
     let mut series: Vec<Series> = all()
-        .map(|(of, way)| Series {
+        .map(|(of, approach)| Series {
             name: of.stage.name.clone(),
-            points: for_a_line(&way.value, LINE),
+            points: for_a_line(&approach.value, LINE),
             style: Style::Line,
         })
         .collect();
-    series.extend(all().filter(|(_, way)| !way.model.is_empty()).map(|(of, way)| Series {
+    series.extend(all().filter(|(_, approach)| !approach.model.is_empty()).map(|(of, approach)| Series {
         name: format!("reference model of {}", of.stage.name),
-        points: for_a_line(&way.model, LINE),
+        points: for_a_line(&approach.model, LINE),
         style: Style::Dashed,
     }));
-    let (_, way) = all().next()?;
+    let (_, approach) = all().next()?;
     series.push(Series {
         name: "target".to_owned(),
-        points: for_a_line(&way.target, LINE),
+        points: for_a_line(&approach.target, LINE),
         style: Style::Steps,
     });
     let chart = Chart {
@@ -362,8 +364,8 @@ fn gains(recording: &Recording<'_>, stage: &Stage) -> Option<Block> {
         y: "norm, full duties per scale".into(),
         series,
     };
-    let said = "Norms of the gains over pose, target and features.".to_owned();
-    (!chart.series.is_empty()).then_some(Block::Chart(chart, said))
+    let sentence = "Norms of the gains over pose, target and features.".to_owned();
+    (!chart.series.is_empty()).then_some(Block::Chart(chart, sentence))
 }
 
 #[cfg(test)]
@@ -378,7 +380,7 @@ mod tests {
         let value = value.map(|t| (t, if t < 3.0 { 1.0 } else { 2.5 })).collect();
         // From 5 s on there is a model, a half above the head.
         let model = vec![(5.0, 3.0)];
-        let found = answer(2, &Way { target: target.to_vec(), value, model }, 10.0).unwrap();
+        let found = answer(2, &Approach { target: target.to_vec(), value, model }, 10.0).unwrap();
         // From 2 s to 3 s one off, to 4 s two and a half, from 7 s to 10 s a half.
         let squares = 10.0 + 10.0 * 6.25 + 30.0 * 0.25;
         assert!((found.rms_held.unwrap() - f64::sqrt(squares / 50.0)).abs() < 1e-9, "{found:?}");

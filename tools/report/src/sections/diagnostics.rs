@@ -60,9 +60,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     if figures.topics.is_empty() {
         return Ok(section.nothing("The session has no diagnostics."));
     }
-    let said = "A unit stands at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
+    let sentence = "A unit stands at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
                 the greatest value.";
-    section.blocks.push(Block::Text(said.into()));
+    section.blocks.push(Block::Text(sentence.into()));
     for topic in &figures.topics {
         let columns = ["number", "least", "median", "greatest", "last", "over time"];
         let mut table = Table::new(topic.topic.clone(), &columns);

@@ -52,14 +52,14 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         return Ok(section.nothing("The session has no duties of valves."));
     }
     for (t, orders) in figures.topics.iter().zip(&recording.duties) {
-        let said = format!(
+        let sentence = format!(
             "{}: {} orders; idle in {}, with an irregularity in {}.",
             t.topic,
             count(t.orders),
             percent(t.idle),
             percent(t.with_reasons)
         );
-        section.blocks.push(Block::Text(said));
+        section.blocks.push(Block::Text(sentence));
         let mut table = Table::new("", &["valve", "mean duty", "p50", "p99", "max", "saturated"]);
         for v in &t.valves {
             let n = |v: Option<f64>| Cell::number(fixed(v, 3));

@@ -8,7 +8,7 @@ use crate::chart::{Chart, Series, Style};
 use crate::motion::{CHANNELS, Comparison, ErrorFigures, Truth, compare, unit};
 use crate::numbers::{count, fixed};
 use crate::page::{Block, Cell, Section, Table};
-use crate::recording::{Part, Recording, Signal};
+use crate::recording::{PoseRole, Recording, Signal};
 use crate::source::Source;
 use crate::statistics::{Histogram, for_a_line, for_dots};
 
@@ -40,7 +40,7 @@ pub struct Compared<'r> {
 
 /// Every estimate that has a truth: raw ones first, fused ones last.
 pub fn compared<'r>(recording: &'r Recording<'_>) -> Vec<Compared<'r>> {
-    let parts = [Part::Raw, Part::Filtered, Part::Fused];
+    let parts = [PoseRole::Raw, PoseRole::Filtered, PoseRole::Fused];
     let estimates = parts.into_iter().flat_map(|part| recording.signals_of(part));
     let with_truth = estimates.filter_map(|signal| {
         let truth = recording.truth_of(signal)?;
@@ -61,7 +61,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let without_truth = recording
         .signals
         .iter()
-        .filter(|s| s.part != Part::Truth && !s.states.items().is_empty() && !is_compared(s))
+        .filter(|s| s.part != PoseRole::Truth && !s.states.items().is_empty() && !is_compared(s))
         .map(|s| s.topic.clone())
         .collect();
     let mut histograms = Vec::new();
@@ -101,8 +101,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     ));
     section.blocks.push(Block::Table(table(&figures.errors)));
     if !figures.without_truth.is_empty() {
-        let said = format!("Without a truth: {}.", figures.without_truth.join(", "));
-        section.blocks.push(Block::Text(said));
+        let sentence = format!("Without a truth: {}.", figures.without_truth.join(", "));
+        section.blocks.push(Block::Text(sentence));
     }
     section.blocks.extend(charts);
     Ok(section)
@@ -118,7 +118,7 @@ fn over_time(recording: &Recording<'_>, compared: &[Compared<'_>], channel: usiz
             c.found.errors(channel).map(|(time, error)| (recording.seconds(time), error)).collect();
         let name = c.signal.topic.clone();
         match c.signal.part {
-            Part::Raw => Series { name, points: for_dots(&points, DOTS), style: Style::Dots },
+            PoseRole::Raw => Series { name, points: for_dots(&points, DOTS), style: Style::Dots },
             _ => Series { name, points: for_a_line(&points, LINE), style: Style::Line },
         }
     });

@@ -11,7 +11,7 @@ use crate::motion::{CHANNELS, Truth, compare, unit};
 use crate::numbers::{fixed, percent, short};
 use crate::page::{Block, Cell, Section, Table};
 use crate::ramp::{RAMP_MM_PER_S, Settled};
-use crate::recording::{Part, Recording, Signal, State, Tracking};
+use crate::recording::{PoseRole, Recording, Signal, State, Tracking};
 use crate::source::Source;
 use crate::statistics::{mean, quantile, variance};
 
@@ -62,17 +62,17 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let mut figures =
         FiltersFigures { settling_s: SETTLING as f64 * 1e-9, filters: Vec::new(), fused: Vec::new() };
-    for signal in recording.signals_of(Part::Filtered) {
+    for signal in recording.signals_of(PoseRole::Filtered) {
         figures.filters.extend((0..6).filter_map(|channel| filter(recording, signal, channel)));
     }
-    for signal in recording.signals_of(Part::Fused) {
+    for signal in recording.signals_of(PoseRole::Fused) {
         figures.fused.extend((0..6).filter_map(|channel| fused(recording, signal, channel)));
     }
     let mut section = Section::new("filters", "Filters and fusion", &figures)?;
     if figures.filters.is_empty() && figures.fused.is_empty() {
-        let said =
+        let sentence =
             "The session has no filter with recorded measurements and no fused track that have a truth.";
-        return Ok(section.nothing(said));
+        return Ok(section.nothing(sentence));
     }
     section.blocks.push(Block::Text(format!(
         "Variances of the errors about their mean, without the first {:.0} s of each track.",
@@ -111,7 +111,7 @@ fn errors(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<
 /// The measurements that a track is made of: the raw signals upstream of it that no other track stands between.
 fn measurements<'r>(recording: &'r Recording<'_>, topic: &str) -> Vec<&'r Signal> {
     let inputs = recording.wiring.producer(topic).map_or(&[][..], |(stage, _)| &stage.inputs);
-    inputs.iter().filter_map(|i| recording.signals_of(Part::Raw).find(|s| s.topic == *i)).collect()
+    inputs.iter().filter_map(|i| recording.signals_of(PoseRole::Raw).find(|s| s.topic == *i)).collect()
 }
 
 fn follows(tracking: &Tracking, channel: usize) -> bool {

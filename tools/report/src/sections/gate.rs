@@ -52,7 +52,7 @@ struct Figured {
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let gates = || recording.gates.iter().filter(|g| !g.values.items().is_empty());
-    let far_ends = recording.far_ends.iter().filter_map(|far| far.told().map(BeamOn::of)).collect();
+    let far_ends = recording.far_ends.iter().filter_map(|far| far.reported().map(BeamOn::of)).collect();
     let figures = GateFigures {
         gates: gates().map(|g| Figured { judged: Judged::of(recording, g), ..figured(g) }).collect(),
         far_ends,
@@ -80,7 +80,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             count(gate.leases),
             lengths(gate)
         )));
-        section.blocks.extend(gate.judged.as_ref().map(|judged| Block::Text(told(judged))));
+        section.blocks.extend(gate.judged.as_ref().map(|judged| Block::Text(reported(judged))));
         let mut table = Table::new("", &["reason against the beam", "fraction of the samples"]);
         for (reason, part) in &gate.reasons {
             table.row([Cell::text(*reason), Cell::Bar(*part, percent(*part))]);
@@ -97,7 +97,7 @@ impl BeamOn {
     }
 }
 
-fn told(judged: &Judged) -> String {
+fn reported(judged: &Judged) -> String {
     let mm = |value: f64| fixed(value, 2);
     format!(
         "By the truth, while the beam was allowed, the judged point of the head was at most {} mm from its target (RMS {} \

@@ -68,8 +68,8 @@ impl LedgerLine {
 /// The ledger that stands in the session, or the one that its journals make.
 pub fn of(source: &Source<'_>) -> Accounts {
     let session = source.recording.session;
-    let kept = session.attachments().get(LEDGER_ATTACHMENT);
-    let (from, lines) = match kept.and_then(|a| serde_json::from_slice(&a.bytes).ok()) {
+    let retained = session.attachments().get(LEDGER_ATTACHMENT);
+    let (from, lines) = match retained.and_then(|a| serde_json::from_slice(&a.bytes).ok()) {
         Some(lines) => (From::Session, lines),
         None => from_journals(source).map_or((From::Nowhere, Vec::new()), |lines| (From::Journals, lines)),
     };
@@ -92,7 +92,7 @@ fn from_journals(source: &Source<'_>) -> Option<Vec<LedgerLine>> {
 pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
     let accounts = of(source);
     let section = Section::new("ledger", "Ledger", &accounts)?;
-    let said = match accounts.from {
+    let sentence = match accounts.from {
         From::Session => "For every edge, sent = received + overwritten + without memory + down + left.",
         From::Journals => {
             "The session has no end of its own, so this ledger is made of the journals that it kept: what was sent behind \
@@ -102,7 +102,7 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
             "The session has no ledger, and this build cannot compute one because it cannot run the pipeline."
         }
     };
-    let section = section.with(Block::Text(said.into()));
+    let section = section.with(Block::Text(sentence.into()));
     if accounts.lines.is_empty() {
         return Ok(section);
     }

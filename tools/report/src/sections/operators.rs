@@ -108,9 +108,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             .into(),
     ));
     if figures.operators.iter().all(|o| o.step_ms.count == 0) {
-        let said =
+        let sentence =
             "Steps took no session time: the session was simulated without latencies, or it is too short.";
-        section.blocks.push(Block::Text(said.into()));
+        section.blocks.push(Block::Text(sentence.into()));
     }
     section.blocks.push(Block::Table(table(&figures.operators)));
     section.blocks.extend(ages(recording));

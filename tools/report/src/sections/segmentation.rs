@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::ReportError;
 use crate::camera::Camera;
 use crate::numbers::{count, fixed};
-use crate::overlay::View;
+use crate::overlay::PictureView;
 use crate::overlay::paint;
 use crate::page::{Block, Picture, Section};
 use crate::source::Source;
@@ -23,7 +23,8 @@ struct CameraFigures {
     images: usize,
     refused: usize,
     /// Whether the results were made again by a replay, since the session does not hold them.
-    made_again: bool,
+    #[serde(rename = "made_again")]
+    recomputed_views: bool,
     missing: Option<String>,
     shown: Vec<Shown>,
 }
@@ -44,33 +45,33 @@ struct Shown {
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let cameras = cameras(from);
-    let at = |view: &View| from.recording.seconds(view.origin);
+    let at = |view: &PictureView| from.recording.seconds(view.origin);
     let figures = SegmentationFigures { cameras: cameras.iter().map(|c| figures(c, at)).collect() };
     let mut section = Section::new("segmentation", "Segmentation", &figures)?;
     if cameras.is_empty() {
-        let said = "No operator of this session finds a plane or a hull in recorded images.";
-        return Ok(section.nothing(said));
+        let sentence = "No operator of this session finds a plane or a hull in recorded images.";
+        return Ok(section.nothing(sentence));
     }
     section.blocks.push(Block::Text(
         "Depth images as reliefs: the face is orange, the supporting plane is blue, and its hull is a green line. A face that was captured as a reference has a red outline.".into(),
     ));
     for (camera, figures) in cameras.iter().zip(&figures.cameras) {
         section.blocks.push(Block::Heading(format!("{} on {}", camera.stage, camera.image)));
-        let mut said = format!(
+        let mut sentence = format!(
             "{} images, {} without a face.",
             count(camera.looked_at as u64),
             count(camera.refused as u64)
         );
-        if camera.made_again {
-            said.push_str(
+        if camera.recomputed_views {
+            sentence.push_str(
                 " The session does not hold all images, faces, planes and hulls; a replay by this build computed them",
             );
             if camera.looked_at > REPLAYED {
-                said.push_str(&format!(", among the first {REPLAYED} of them"));
+                sentence.push_str(&format!(", among the first {REPLAYED} of them"));
             }
-            said.push('.');
+            sentence.push('.');
         }
-        section.blocks.push(Block::Text(said));
+        section.blocks.push(Block::Text(sentence));
         if let Some(reason) = &camera.missing {
             section.blocks.push(Block::Warning(format!("Not every picture can be drawn: {reason}.")));
         }
@@ -88,7 +89,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     Ok(section)
 }
 
-fn figures(camera: &Camera, at: impl Fn(&View) -> f64) -> CameraFigures {
+fn figures(camera: &Camera, at: impl Fn(&PictureView) -> f64) -> CameraFigures {
     let shown = camera.views.iter().map(|view| Shown {
         at_s: at(view),
         face_points: view.face.len(),
@@ -105,29 +106,29 @@ fn figures(camera: &Camera, at: impl Fn(&View) -> f64) -> CameraFigures {
         image: camera.image.clone(),
         images: camera.looked_at,
         refused: camera.refused,
-        made_again: camera.made_again,
+        recomputed_views: camera.recomputed_views,
         missing: camera.missing.clone(),
         shown: shown.collect(),
     }
 }
 
 fn caption(shown: &Shown) -> String {
-    let mut said = format!("{:.2} s: ", shown.at_s);
+    let mut sentence = format!("{:.2} s: ", shown.at_s);
     match &shown.rejection {
-        Some(reason) => said.push_str(&format!("no face: {reason}")),
-        None => said.push_str(&format!("face of {} points", count(shown.face_points as u64))),
+        Some(reason) => sentence.push_str(&format!("no face: {reason}")),
+        None => sentence.push_str(&format!("face of {} points", count(shown.face_points as u64))),
     }
     if let Some(number) = shown.captured {
-        said.push_str(&format!(
+        sentence.push_str(&format!(
             "; captured as reference {number}: is it the head, all of it, and nothing else?"
         ));
     }
     if let Some(rms) = shown.plane_rms_mm {
-        said.push_str(&format!(
+        sentence.push_str(&format!(
             "; plane {} mm from the camera, rms {} mm",
             fixed(shown.plane_distance_mm, 1),
             fixed(rms, 2)
         ));
     }
-    said
+    sentence
 }

@@ -41,8 +41,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = StagesFigures { topics: timings().map(timing).collect() };
     let mut section = Section::new("stages", "Stages of a step", &figures)?;
     if figures.topics.is_empty() {
-        let said = "No operator of this session has measured stages. Only a live run measures them.";
-        return Ok(section.nothing(said));
+        let sentence = "No operator of this session has measured stages. Only a live run measures them.";
+        return Ok(section.nothing(sentence));
     }
     let mut table = Table::new(
         "Wall time by stage, measured in the live run.",

@@ -152,8 +152,8 @@ fn held(held: &Held) -> Vec<Tile> {
         })
     });
     let faults = held.valves.iter().map(|valves| {
-        let said = valves.fault_times.line("in fault").unwrap_or_else(|| "none".to_owned());
-        Tile::state(&format!("{}: faults", valves.topic), said, valves.fault_times.times == 0)
+        let sentence = valves.fault_times.line("in fault").unwrap_or_else(|| "none".to_owned());
+        Tile::state(&format!("{}: faults", valves.topic), sentence, valves.fault_times.times == 0)
     });
     beams.chain(errors).chain(faults).collect()
 }

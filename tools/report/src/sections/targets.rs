@@ -9,7 +9,7 @@ use crate::chart::{Chart, Series, Style};
 use crate::motion::{CHANNELS, unit};
 use crate::numbers::fixed;
 use crate::page::{Block, Cell, Section, Table};
-use crate::recording::{Aims, Part, Recording, Signal};
+use crate::recording::{PoseRole, Recording, Signal, TargetTrack};
 use crate::source::Source;
 use crate::statistics::{Spread, for_a_line};
 
@@ -44,18 +44,18 @@ struct Followed {
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let (mut channels, mut charts) = (Vec::new(), Vec::new());
-    for aims in &recording.targets {
-        let Some(estimate) = followed_by(recording, aims) else { continue };
+    for target_track in &recording.targets {
+        let Some(estimate) = followed_by(recording, target_track) else { continue };
         for channel in 0..6 {
-            if let Some((figures, chart)) = follow(recording, aims, estimate, channel) {
+            if let Some((figures, chart)) = follow(recording, target_track, estimate, channel) {
                 channels.push(figures);
                 charts.push(chart);
             }
         }
     }
-    let refused = recording.targets.iter().flat_map(|aims| {
-        aims.refusals.each.iter().map(|r| Refused {
-            target: aims.topic.clone(),
+    let refused = recording.targets.iter().flat_map(|target_track| {
+        target_track.refusals.each.iter().map(|r| Refused {
+            target: target_track.topic.clone(),
             at_s: recording.seconds(r.stamp),
             why: r.why.clone(),
         })
@@ -63,8 +63,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = TargetsFigures { channels, refused: refused.collect() };
     let mut section = Section::new("targets", "Targets", &figures)?;
     if figures.channels.is_empty() && figures.refused.is_empty() {
-        let said = "The session has no target with an estimate in its frame.";
-        return Ok(section.nothing(said));
+        let sentence = "The session has no target with an estimate in its frame.";
+        return Ok(section.nothing(sentence));
     }
     if !figures.refused.is_empty() {
         section.blocks.push(Block::Table(refusals(&figures.refused)));
@@ -81,26 +81,27 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
 
 /// The estimate that whoever follows a target takes beside it; else the one that stands last in the target's frame: fused,
 /// or filtered, or raw.
-fn followed_by<'r>(recording: &'r Recording<'_>, aims: &Aims) -> Option<&'r Signal> {
-    let parts = [Part::Fused, Part::Filtered, Part::Raw];
-    let fits = |s: &&Signal| s.frame == aims.frame;
-    let beside = |s: &&Signal| {
-        fits(s) && recording.wiring.consumers(&aims.topic).any(|stage| stage.inputs.contains(&s.topic))
+fn followed_by<'r>(recording: &'r Recording<'_>, target_track: &TargetTrack) -> Option<&'r Signal> {
+    let parts = [PoseRole::Fused, PoseRole::Filtered, PoseRole::Raw];
+    let fits = |s: &&Signal| s.frame == target_track.frame;
+    let neighbour = |s: &&Signal| {
+        fits(s)
+            && recording.wiring.consumers(&target_track.topic).any(|stage| stage.inputs.contains(&s.topic))
     };
     let first = |of: &dyn Fn(&&'r Signal) -> bool| {
         parts.into_iter().find_map(|part| recording.signals_of(part).find(|s| of(s)))
     };
-    first(&beside).or_else(|| first(&fits))
+    first(&neighbour).or_else(|| first(&fits))
 }
 
 fn follow(
     recording: &Recording<'_>,
-    aims: &Aims,
+    target_track: &TargetTrack,
     estimate: &Signal,
     channel: usize,
 ) -> Option<(Followed, Block)> {
     let (unit, scale) = unit(channel);
-    let target: Vec<(f64, f64)> = aims
+    let target: Vec<(f64, f64)> = target_track
         .values
         .items()
         .iter()
@@ -125,7 +126,7 @@ fn follow(
     let squares: f64 = distances.iter().map(|d| d * d).sum();
     let steps = steps(&target, recording.length());
     let figures = Followed {
-        target: aims.topic.clone(),
+        target: target_track.topic.clone(),
         estimate: estimate.topic.clone(),
         channel: CHANNELS[channel],
         unit,
@@ -134,12 +135,16 @@ fn follow(
         steps: steps.into_iter().filter_map(|step| response(step, &value)).collect(),
     };
     let chart = Chart {
-        title: format!("{} of {}", CHANNELS[channel], aims.topic),
+        title: format!("{} of {}", CHANNELS[channel], target_track.topic),
         x: "time, s".into(),
         y: format!("{}, {unit}", CHANNELS[channel]),
         series: vec![
             Series { name: estimate.topic.clone(), points: for_a_line(&value, LINE), style: Style::Line },
-            Series { name: aims.topic.clone(), points: for_a_line(&target, LINE), style: Style::Steps },
+            Series {
+                name: target_track.topic.clone(),
+                points: for_a_line(&target, LINE),
+                style: Style::Steps,
+            },
         ],
     };
     Some((figures, Block::Chart(chart, String::new())))

@@ -10,11 +10,11 @@ use crate::source::Source;
 
 #[derive(Serialize)]
 struct TopicsFigures {
-    topics: Vec<Kept>,
+    topics: Vec<RecordedTopic>,
 }
 
 #[derive(Serialize)]
-struct Kept {
+struct RecordedTopic {
     topic: String,
     kind: String,
     frame: Option<String>,
@@ -27,7 +27,7 @@ struct Kept {
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let seconds = recording.length();
-    let topics = recording.session.topics().iter().map(|t| Kept {
+    let topics = recording.session.topics().iter().map(|t| RecordedTopic {
         topic: t.name.clone(),
         kind: match &t.kind {
             TopicKind::Known(kind) => kind.name.to_owned(),

@@ -8,7 +8,7 @@ use crate::ReportError;
 use crate::chart::{Chart, Series, Style};
 use crate::motion::{CHANNELS, Truth, compare, unit};
 use crate::page::{Block, Section};
-use crate::recording::{Part, Recording, Signal};
+use crate::recording::{PoseRole, Recording, Signal};
 use crate::source::Source;
 use crate::statistics::{for_a_line, for_dots};
 
@@ -25,9 +25,10 @@ struct TracksFigures {
 struct SignalFigures {
     topic: String,
     frame: Option<String>,
-    part: Part,
+    part: PoseRole,
     samples: u64,
-    kept_one_of: u64,
+    #[serde(rename = "kept_one_of")]
+    retained_one_of: u64,
     channels: Vec<&'static str>,
     /// Least and largest value by channel, mm and degrees.
     range: Vec<[f64; 2]>,
@@ -43,7 +44,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     let shown = || recording.signals.iter().filter(|s| !s.states.items().is_empty());
     let truth_of = |s: &Signal| match s.part {
-        Part::Truth => Some(s.topic.clone()),
+        PoseRole::Truth => Some(s.topic.clone()),
         _ => recording.truth_of(s).map(|t| t.topic.clone()),
     };
     // One for each frame, and for each truth in it.
@@ -52,7 +53,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     for (frame, truth) in groups {
         let all: Vec<&Signal> = shown().filter(|s| s.frame == frame && truth_of(s) == truth).collect();
         let name = frame.as_deref().unwrap_or("no frame");
-        let truth = all.iter().copied().find(|s| s.part == Part::Truth);
+        let truth = all.iter().copied().find(|s| s.part == PoseRole::Truth);
         section.blocks.push(Block::Heading(format!("In the frame {name}")));
         section.blocks.push(Block::Text(match truth {
             Some(t) => format!(
@@ -83,7 +84,7 @@ fn figures(signal: &Signal) -> SignalFigures {
         frame: signal.frame.clone(),
         part: signal.part,
         samples: signal.states.seen(),
-        kept_one_of: signal.states.stride(),
+        retained_one_of: signal.states.stride(),
         channels,
         range,
     }
@@ -98,9 +99,9 @@ fn chart(
 ) -> Option<Block> {
     let (unit, scale) = unit(channel);
     let has = |s: &&&Signal| s.states.items().iter().any(|state| state.channels[channel].is_finite());
-    let mut drawn: Vec<&&Signal> = all.iter().filter(has).filter(|s| s.part != Part::Truth).collect();
+    let mut drawn: Vec<&&Signal> = all.iter().filter(has).filter(|s| s.part != PoseRole::Truth).collect();
     drawn.sort_by_key(|s| s.part);
-    if drawn.is_empty() && all.iter().any(|s| s.part != Part::Truth) {
+    if drawn.is_empty() && all.iter().any(|s| s.part != PoseRole::Truth) {
         return None;
     }
     let mut series: Vec<Series> =
@@ -141,7 +142,7 @@ fn of_estimate(recording: &Recording<'_>, signal: &Signal, truth: Option<&Signal
             .collect(),
     };
     match signal.part {
-        Part::Raw => {
+        PoseRole::Raw => {
             Series { name: signal.topic.clone(), points: for_dots(&points, DOTS), style: Style::Dots }
         }
         _ => Series { name: signal.topic.clone(), points: for_a_line(&points, LINE), style: Style::Line },

@@ -190,7 +190,7 @@ impl Plans {
             let of_seed =
                 |seed: u64| Ok((format!("pelvis of seed {seed}"), phantom(seed).map_err(Failure::failed)?));
             return (0..16)
-                .filter(|place| self.is_wanted(*place))
+                .filter(|place| self.is_requested(*place))
                 .map(|place| of_seed(place as u64))
                 .collect();
         };
@@ -208,11 +208,11 @@ impl Plans {
             let case = import_described(file, &names).map_err(Failure::failed)?.case;
             Ok((file.file_stem().and_then(|s| s.to_str()).unwrap_or_default().to_owned(), case))
         };
-        let wanted = files.iter().enumerate().filter(|(place, _)| self.is_wanted(*place));
-        wanted.map(|(_, file)| read(file)).collect()
+        let requested = files.iter().enumerate().filter(|(place, _)| self.is_requested(*place));
+        requested.map(|(_, file)| read(file)).collect()
     }
 
-    fn is_wanted(&self, place: usize) -> bool {
+    fn is_requested(&self, place: usize) -> bool {
         self.first.is_none_or(|first| place < first) && (self.only.is_empty() || self.only.contains(&place))
     }
 
@@ -264,7 +264,7 @@ impl Planned {
         let cache = DoseCache::in_folder(Path::new(folder.path())).map_err(|e| text(&e))?;
         let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, threads, || ())
             .map_err(|e| text(&e))?;
-        let goals = table.for_points(case, &sampling).and_then(|aims| aims.goals(1)).map_err(|e| text(&e))?;
+        let goals = table.for_points(case, &sampling).and_then(|objective_set| objective_set.goals(1)).map_err(|e| text(&e))?;
         let mut evaluator = Evaluator::new(&doses, &goals, ring, count, Budget { solves: 1 });
         let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(|e| text(&e))?.best;
         drop(evaluator);
@@ -350,15 +350,15 @@ fn machine() -> Result<Machine, String> {
 }
 
 impl Differences {
-    fn between(told: &[StructureDose], finer: &[StructureDose]) -> Self {
+    fn between(reported: &[StructureDose], finer: &[StructureDose]) -> Self {
         let mut largest = Self::default();
-        for (a, b) in told.iter().zip(finer) {
+        for (a, b) in reported.iter().zip(finer) {
             let doses = |f: &StructureDose| [f.d98_gy, f.d95_gy, f.d50_gy, f.d2_gy, f.d003cc_gy];
             let names = ["D98", "D95", "D50", "D2", "D0.03cc"];
-            for (name, (told, finer)) in names.iter().zip(doses(a).into_iter().zip(doses(b))) {
-                if (told - finer).abs() > largest.dose_gy {
-                    largest.dose_gy = (told - finer).abs();
-                    largest.dose_of = format!("{} {name}: {told:.2}, {finer:.2}", a.name);
+            for (name, (reported, finer)) in names.iter().zip(doses(a).into_iter().zip(doses(b))) {
+                if (reported - finer).abs() > largest.dose_gy {
+                    largest.dose_gy = (reported - finer).abs();
+                    largest.dose_of = format!("{} {name}: {reported:.2}, {finer:.2}", a.name);
                 }
             }
             let covered = |f: &StructureDose| f.covered.unwrap_or(0.0);

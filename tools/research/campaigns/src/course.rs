@@ -29,7 +29,7 @@ const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.
 /// The dissertation's step: height in mm, pitch and roll in degrees.
 pub const STEP: [f64; 3] = [11.5, 1.35, 10.0];
 /// Minimum time between two kept points, ns.
-const KEPT_EVERY: u64 = 20_000_000;
+const RETAINED_EVERY: u64 = 20_000_000;
 /// Length of a lease of the beam, ns.
 const LEASE: u64 = 100_000_000;
 /// Number of true poses that are kept. A reference needs the true pose at the acquisition time of its frame.
@@ -194,11 +194,11 @@ struct Watch {
     reference: Option<(Isometry3<f64>, Isometry3<f64>)>,
     target: Option<TargetElement>,
     /// Time of the last change of the target, ns, and the target in the units of a point.
-    wanted: Option<(u64, [f64; 3])>,
+    requested: Option<(u64, [f64; 3])>,
     beam: bool,
     actuation: Option<(u64, ActuationElement)>,
     /// Time of the last kept point, ns.
-    kept: Option<u64>,
+    retained: Option<u64>,
 }
 
 impl Watch {
@@ -214,10 +214,10 @@ impl Watch {
             capturing: false,
             reference: None,
             target: None,
-            wanted: None,
+            requested: None,
             beam: false,
             actuation: None,
-            kept: None,
+            retained: None,
         }
     }
 
@@ -231,28 +231,28 @@ impl Watch {
         // Motion of the head at the tracked point, along and about the axes of the couch.
         let (moved, across) = numbers(&(pose * start.inverse() * point));
         let (from, _) = numbers(point);
-        let wanted = [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
-        let beside = [target.position[0] * 1e3, target.position[1] * 1e3, target.angles[2].to_degrees()];
+        let requested = [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
+        let paired_median = [target.position[0] * 1e3, target.position[1] * 1e3, target.angles[2].to_degrees()];
         let point = Point {
             time: time as f64 * 1e-9,
             moved: std::array::from_fn(|i| moved[i] - from[i]),
-            target: std::array::from_fn(|i| wanted[i] - from[i]),
-            across: std::array::from_fn(|i| across[i] - beside[i]),
+            target: std::array::from_fn(|i| requested[i] - from[i]),
+            across: std::array::from_fn(|i| across[i] - paired_median[i]),
             beam: self.beam,
         };
         if point.target.iter().any(|t| t.is_nan()) {
             return;
         }
         self.course.monitor.truth(time, point.error());
-        if self.wanted.is_none_or(|(_, target)| target != point.target) {
-            self.wanted = Some((time, point.target));
+        if self.requested.is_none_or(|(_, target)| target != point.target) {
+            self.requested = Some((time, point.target));
         }
-        if self.beam && self.wanted.is_some_and(|(since, _)| time - since > LEASE) {
+        if self.beam && self.requested.is_some_and(|(since, _)| time - since > LEASE) {
             let error = point.error();
             self.course.astray = std::array::from_fn(|i| greater(self.course.astray[i], error[i].abs()));
         }
-        if self.kept.is_none_or(|kept| time >= kept + KEPT_EVERY) {
-            self.kept = Some(time);
+        if self.retained.is_none_or(|retained| time >= retained + RETAINED_EVERY) {
+            self.retained = Some(time);
             self.course.points.push(point);
         }
     }

@@ -4,7 +4,7 @@
 //! - `step`: the dissertation's step, with many seeds
 //! - `robust`, `cases`: the same step with disturbances and faults
 //! - `hold`: a head that breathes, nods and coughs, held where it is
-//! - `beside`: two laws compared over these cases
+//! - `paired_median`: two laws compared over these cases
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `identity`: captures of other objects than the head of drawn patients, and the time to beam off
 //! - `optimum`: methods of choosing beams against the proved optimum
@@ -19,7 +19,7 @@
 extern crate stillpoint;
 
 mod acceptance;
-mod beside;
+mod paired_median;
 mod cases;
 mod course;
 mod hold;
@@ -53,7 +53,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Campaign {
-    Identity(identity::Identity),
+    IdentityCampaign(identity::IdentityCampaign),
     Step(step::StepBench),
     Robust(robust::Robust),
     Hold(hold::Hold),
@@ -66,7 +66,7 @@ enum Campaign {
 impl Campaign {
     fn execute(self, registry: &Registry) -> Ended {
         match self {
-            Self::Identity(c) => c.execute(registry),
+            Self::IdentityCampaign(c) => c.execute(registry),
             Self::Step(c) => c.execute(registry),
             Self::Robust(c) => c.execute(registry),
             Self::Hold(c) => c.execute(registry),

@@ -29,7 +29,7 @@ pub struct NoiseParams {
     lost: f64,
     /// Whether the covariance of the noise replaces that of the pose.
     #[param(default = false)]
-    told: bool,
+    reported: bool,
 }
 
 /// Poses of a point of the head, with white noise.
@@ -80,7 +80,7 @@ impl Operator for Noise {
         let turned = UnitQuaternion::from_scaled_axis(turn) * orientation;
         let q = if turned.w < 0.0 { -turned.into_inner() } else { turned.into_inner() };
         let mut noisy = PoseElement { position, orientation: [q.w, q.i, q.j, q.k], ..pose };
-        if self.0.told {
+        if self.0.reported {
             let deviations = self.0.position.iter().chain(&self.0.angles);
             noisy.covariance = [0.0; 36];
             deviations.enumerate().for_each(|(i, sd)| noisy.covariance[7 * i] = sd * sd);

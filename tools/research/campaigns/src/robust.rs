@@ -4,7 +4,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
-use super::beside::{self, median};
+use super::paired_median::{self, median};
 use super::cases::Case;
 use super::course::{Course, Point, STEP, worst};
 use super::laws::{self, Law};
@@ -63,7 +63,7 @@ pub struct Robust {
     /// Compare with another law: a file that this measurement wrote with `--json` for the same cases and seeds. Says for
     /// each case which law is nearer in the median over the seeds.
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
-    beside: Option<std::path::PathBuf>,
+    paired_median: Option<std::path::PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -135,7 +135,7 @@ impl Robust {
             let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
             return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
         }
-        let other = self.beside.as_deref().map(beside::read).transpose()?;
+        let other = self.paired_median.as_deref().map(paired_median::read).transpose()?;
         let count = self.seeds.unwrap_or(if self.quick { 1 } else { 5 });
         let seeds = self.first_seed..self.first_seed.saturating_add(count);
         let seconds = self.seconds.unwrap_or(if self.quick { 30.0 } else { 60.0 });
@@ -166,9 +166,9 @@ impl Robust {
             print(&rows);
         }
         if let Some(other) = other {
-            let this: Vec<beside::Row> =
+            let this: Vec<paired_median::Row> =
                 serde_json::to_value(&rows).and_then(serde_json::from_value).map_err(Failure::failed)?;
-            beside::print(&this, &other)?;
+            paired_median::print(&this, &other)?;
         }
         let good = rows.iter().all(|r| r.verdict != Verdict::Unsafe);
         Ok(if good { Exit::Done } else { Exit::Failed })

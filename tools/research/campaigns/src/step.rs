@@ -115,13 +115,13 @@ impl StepBench {
 
 fn outcome(course: &Course, at: f64, rise: f64, seed: u64) -> Outcome {
     let end = course.points.last().map_or(at, |p| p.time);
-    let way = course.since(at);
+    let direction = course.since(at);
     let late = course.since(at + FROM);
-    let early = &way[..way.len() - late.len()];
+    let early = &direction[..direction.len() - late.len()];
     let answers: [_; 3] = std::array::from_fn(|i| {
-        let to = way.first().map_or(f64::NAN, |p| p.target[i]);
+        let to = direction.first().map_or(f64::NAN, |p| p.target[i]);
         let step = TargetStep { at_s: at, until_s: end, from: to - STEP[i], to };
-        response(step, &way.iter().map(|p| (p.time, p.moved[i])).collect::<Vec<_>>())
+        response(step, &direction.iter().map(|p| (p.time, p.moved[i])).collect::<Vec<_>>())
     });
     Outcome {
         seed,
@@ -129,8 +129,8 @@ fn outcome(course: &Course, at: f64, rise: f64, seed: u64) -> Outcome {
         settling_s: std::array::from_fn(|i| {
             let band = WITHIN[i].max(BAND * STEP[i].abs());
             // If there is no such point, the head was within the band from the beginning.
-            let after = way.iter().rposition(|p| p.error()[i].abs() > band).map_or(0, |last| last + 1);
-            way.get(after).map(|p| p.time - at)
+            let after = direction.iter().rposition(|p| p.error()[i].abs() > band).map_or(0, |last| last + 1);
+            direction.get(after).map(|p| p.time - at)
         }),
         worst: worst(late),
         from_model: std::array::from_fn(|i| {

@@ -64,14 +64,14 @@ fn of_dora(dora: &Path, folder: &Path, bytes: usize, period: u64) -> Result<f64,
     )?;
     let _ = std::fs::remove_file(&out);
     let done = Command::new(dora).arg("run").arg(&flow).current_dir(folder).stdin(Stdio::null()).output()?;
-    let told = std::fs::read_to_string(&out).map_err(|e| {
+    let reported = std::fs::read_to_string(&out).map_err(|e| {
         format!(
             "no ages ({e}): {}{}",
             String::from_utf8_lossy(&done.stdout),
             String::from_utf8_lossy(&done.stderr)
         )
     })?;
-    let ages: Vec<u64> = serde_json::from_str(&told)?;
+    let ages: Vec<u64> = serde_json::from_str(&reported)?;
     Ok(median(ages.iter().map(|a| *a as f64 / 1e3).collect()))
 }
 

@@ -89,13 +89,13 @@ impl Batch {
     /// The root mean square of the error of a prediction of each change, in parts of the change's scale. `predict` gets the number of a window and its samples, and says the changes.
     #[must_use]
     pub fn errors(&self, outputs: usize, mut predict: impl FnMut(usize, &[f32], &mut [f64])) -> Vec<f64> {
-        let (width, mut said) = (self.inputs.len() / self.count.max(1), vec![0.0; outputs]);
+        let (width, mut predicted) = (self.inputs.len() / self.count.max(1), vec![0.0; outputs]);
         let mut squares = vec![0.0; outputs];
         for window in 0..self.count {
-            predict(window, &self.inputs[window * width..(window + 1) * width], &mut said);
+            predict(window, &self.inputs[window * width..(window + 1) * width], &mut predicted);
             let changes = &self.changes[window * outputs..(window + 1) * outputs];
-            for ((sum, said), change) in squares.iter_mut().zip(&said).zip(changes) {
-                let error = said - f64::from(*change);
+            for ((sum, predicted), change) in squares.iter_mut().zip(&predicted).zip(changes) {
+                let error = predicted - f64::from(*change);
                 *sum += error * error;
             }
         }
@@ -104,17 +104,17 @@ impl Batch {
 
     /// Some of the windows, by their run and their last sample there.
     #[must_use]
-    pub fn only(&self, is_kept: impl Fn(usize, usize) -> bool) -> Self {
+    pub fn only(&self, is_retained: impl Fn(usize, usize) -> bool) -> Self {
         let (width, outputs) =
             (self.inputs.len() / self.count.max(1), self.changes.len() / self.count.max(1));
-        let mut kept = Self { count: 0, inputs: Vec::new(), changes: Vec::new(), ends: Vec::new() };
-        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, last))| is_kept(*run, *last)) {
-            kept.count += 1;
-            kept.inputs.extend_from_slice(&self.inputs[window * width..(window + 1) * width]);
-            kept.changes.extend_from_slice(&self.changes[window * outputs..(window + 1) * outputs]);
-            kept.ends.push(*end);
+        let mut retained = Self { count: 0, inputs: Vec::new(), changes: Vec::new(), ends: Vec::new() };
+        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, last))| is_retained(*run, *last)) {
+            retained.count += 1;
+            retained.inputs.extend_from_slice(&self.inputs[window * width..(window + 1) * width]);
+            retained.changes.extend_from_slice(&self.changes[window * outputs..(window + 1) * outputs]);
+            retained.ends.push(*end);
         }
-        kept
+        retained
     }
 }
 

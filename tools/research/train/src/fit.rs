@@ -155,8 +155,8 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
         let all: Vec<_> = data.batches(batch, &mut random).collect();
         for given in &all {
             let dropout = (probability > 0.0).then_some(Dropout { probability, random: &mut random });
-            let said = network.forward(&given.inputs, data.window(), dropout)?;
-            let loss = network.loss(&said, &given.changes)?;
+            let predicted = network.forward(&given.inputs, data.window(), dropout)?;
+            let loss = network.loss(&predicted, &given.changes)?;
             descent.step(&loss)?;
             sum += f64::from(loss.to_scalar::<f32>()?);
             batches += 1;
@@ -177,7 +177,7 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
     }
     let best = best.ok_or(TrainError::RanAway(0))?;
     let network = network.plain(&best.numbers).map_err(|e| TrainError::Predictor(e.into()))?;
-    let hold = validation.errors(data.outputs(), |_, _, said| said.fill(0.0));
+    let hold = validation.errors(data.outputs(), |_, _, predicted| predicted.fill(0.0));
     let left = errors(&network, &validation).iter().zip(&hold).map(|(error, hold)| error / hold).collect();
     Ok(Fitted { network, epochs, best: best.number, left })
 }
@@ -188,8 +188,8 @@ fn validated(network: &Network, data: &Dataset, batch: &Batch) -> Result<f64, Tr
     let (width, outputs) = (data.inputs() * data.window(), data.outputs());
     let mut sum = 0.0;
     for (inputs, changes) in batch.inputs.chunks(ROWS * width).zip(batch.changes.chunks(ROWS * outputs)) {
-        let said = network.forward(inputs, data.window(), None)?;
-        let loss = f64::from(network.loss(&said, changes)?.to_scalar::<f32>()?);
+        let predicted = network.forward(inputs, data.window(), None)?;
+        let loss = f64::from(network.loss(&predicted, changes)?.to_scalar::<f32>()?);
         sum += loss * (changes.len() / outputs) as f64;
     }
     Ok(sum / batch.count as f64)
@@ -200,12 +200,12 @@ fn validated(network: &Network, data: &Dataset, batch: &Batch) -> Result<f64, Tr
 #[must_use]
 pub fn errors(network: &Lstm, batch: &Batch) -> Vec<f64> {
     let (mut memory, mut x) = (network.memory(), vec![0.0; network.inputs()]);
-    batch.errors(network.outputs(), |_, window, said| {
+    batch.errors(network.outputs(), |_, window, predicted| {
         memory.clear();
         for sample in window.chunks_exact(x.len()) {
             x.iter_mut().zip(sample).for_each(|(x, value)| *x = f64::from(*value));
             network.step(&x, &mut memory);
         }
-        network.output(&memory, said);
+        network.output(&memory, predicted);
     })
 }

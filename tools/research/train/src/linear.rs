@@ -40,9 +40,9 @@ impl Linear {
     pub fn errors(&self, batch: &Batch) -> Vec<f64> {
         let (width, outputs) = self.weights.shape();
         let mut inputs = DVector::repeat(width, 1.0);
-        batch.errors(outputs, |_, window, said| {
+        batch.errors(outputs, |_, window, predicted| {
             inputs.iter_mut().zip(window).for_each(|(input, value)| *input = f64::from(*value));
-            said.copy_from_slice(self.weights.tr_mul(&inputs).as_slice());
+            predicted.copy_from_slice(self.weights.tr_mul(&inputs).as_slice());
         })
     }
 }
@@ -54,7 +54,7 @@ impl Linear {
 /// The inputs are not finite.
 pub fn left(data: &Dataset) -> Result<Vec<f64>, TrainError> {
     let batch = data.validation();
-    let hold = batch.errors(data.outputs(), |_, _, said| said.fill(0.0));
+    let hold = batch.errors(data.outputs(), |_, _, predicted| predicted.fill(0.0));
     Ok(Linear::new(data, &data.training())?
         .errors(&batch)
         .iter()

@@ -74,7 +74,7 @@ impl Network {
     ) -> Result<Tensor, TrainError> {
         let hidden = self.hidden(numbers, window, dropout)?;
         let last = hidden.last().ok_or(NetworkError::Empty).map_err(|e| TrainError::Predictor(e.into()))?;
-        self.said(last)
+        self.predicted(last)
     }
 
     /// What it says after each sample of windows of `window` samples: the windows after the first sample, then the
@@ -83,12 +83,12 @@ impl Network {
     /// # Errors
     /// An operation on tensors failed.
     pub fn forward_all(&self, numbers: &[f32], window: usize) -> Result<Tensor, TrainError> {
-        let said: Result<Vec<Tensor>, _> =
-            self.hidden(numbers, window, None)?.iter().map(|h| self.said(h)).collect();
-        Ok(Tensor::cat(&said?, 0)?)
+        let predicted: Result<Vec<Tensor>, _> =
+            self.hidden(numbers, window, None)?.iter().map(|h| self.predicted(h)).collect();
+        Ok(Tensor::cat(&predicted?, 0)?)
     }
 
-    fn said(&self, hidden: &Tensor) -> Result<Tensor, TrainError> {
+    fn predicted(&self, hidden: &Tensor) -> Result<Tensor, TrainError> {
         Ok(hidden.matmul(&self.w.t()?)?.broadcast_add(&self.bias)?)
     }
 
@@ -116,10 +116,10 @@ impl Network {
     ///
     /// # Errors
     /// An operation on tensors failed.
-    pub fn loss(&self, said: &Tensor, changes: &[f32]) -> Result<Tensor, TrainError> {
-        let (rows, outputs) = said.dims2()?;
-        let due = Tensor::from_slice(changes, (rows, outputs), &self.device)?;
-        Ok(((said - due)?.sqr()?.sum_all()? * (0.5 / rows as f64))?)
+    pub fn loss(&self, predicted: &Tensor, changes: &[f32]) -> Result<Tensor, TrainError> {
+        let (rows, outputs) = predicted.dims2()?;
+        let expected = Tensor::from_slice(changes, (rows, outputs), &self.device)?;
+        Ok(((predicted - expected)?.sqr()?.sum_all()? * (0.5 / rows as f64))?)
     }
 
     /// The numbers as they are now.
@@ -181,8 +181,8 @@ impl Cells {
 
 impl Dropout<'_> {
     fn applied(&mut self, x: &Tensor) -> Result<Tensor, TrainError> {
-        let kept = (1.0 / (1.0 - self.probability)) as f32;
-        let one = |_| if self.random.uniform() < self.probability { 0.0 } else { kept };
+        let retained = (1.0 / (1.0 - self.probability)) as f32;
+        let one = |_| if self.random.uniform() < self.probability { 0.0 } else { retained };
         let mask: Vec<f32> = (0..x.elem_count()).map(one).collect();
         Ok((x * Tensor::from_vec(mask, x.dims(), x.device())?)?)
     }

@@ -98,14 +98,14 @@ pub fn predictions(
             continue;
         }
         let rows = [
-            batch.errors(data.outputs(), |_, _, said| said.fill(0.0)),
+            batch.errors(data.outputs(), |_, _, predicted| predicted.fill(0.0)),
             velocity(data, &batch, ahead),
             linear.errors(&batch),
             calm.errors(&batch),
-            batch.errors(data.outputs(), |window, _, said| {
+            batch.errors(data.outputs(), |window, _, predicted| {
                 let (run, last) = batch.ends[window];
                 let changes = tones[run][last].iter().zip(data.scale());
-                said.iter_mut().zip(changes).for_each(|(said, (change, scale))| *said = change / scale);
+                predicted.iter_mut().zip(changes).for_each(|(predicted, (change, scale))| *predicted = change / scale);
             }),
             errors(network, &batch),
         ];
@@ -134,12 +134,12 @@ pub fn predictions(
 /// The errors of the pose going on as in the last interval.
 fn velocity(data: &Dataset, batch: &Batch, ahead: &[usize]) -> Vec<f64> {
     let n = CHANNELS.len();
-    batch.errors(data.outputs(), |_, window, said| {
+    batch.errors(data.outputs(), |_, window, predicted| {
         let (rest, newest) = window.split_at(window.len() - n);
         let before = &rest[rest.len() - n..];
-        for (place, (said, scale)) in said.iter_mut().zip(data.scale()).enumerate() {
+        for (place, (predicted, scale)) in predicted.iter_mut().zip(data.scale()).enumerate() {
             let change = f64::from(newest[place % n]) - f64::from(before[place % n]);
-            *said = change * ahead[place / n] as f64 / scale;
+            *predicted = change * ahead[place / n] as f64 / scale;
         }
     })
 }

@@ -118,7 +118,7 @@ impl Patients {
         let plain = Effect::new(DMatrix::identity(2, 2)).map_err(|e| TrainError::Rig(e.to_string()))?;
         let mut periodic = Periodic::new(2, plain.decoupling());
         let (mut ordered, mut rates) = ([0.0; 2], [0.0; CHANNELS]);
-        let mut said = Vec::with_capacity(poses.len());
+        let mut predicted = Vec::with_capacity(poses.len());
         for (k, pose) in poses.iter().enumerate() {
             let (mut value, mut error) = ([0.0; CHANNELS], [0.0; CHANNELS]);
             for i in 0..2 {
@@ -132,7 +132,7 @@ impl Patients {
                 }
                 periodic.search(TICK);
                 if tick == 0 {
-                    said.push(changes(&periodic, time, ahead).map(|(i, change)| change / law[i]).collect());
+                    predicted.push(changes(&periodic, time, ahead).map(|(i, change)| change / law[i]).collect());
                 }
                 periodic.rates(time + 0.5 * TICK, &mut rates);
                 for i in 0..2 {
@@ -140,7 +140,7 @@ impl Patients {
                 }
             }
         }
-        Ok(sampled(&said).collect())
+        Ok(sampled(&predicted).collect())
     }
 }
 

@@ -113,7 +113,7 @@ fn a_small_network_and_least_squares_predict_sines_that_they_have_not_seen() {
     let data = Dataset::new(&sines(), cut(20)).unwrap();
     let fitted = fit(&data, &small(10), |_| {}).unwrap();
     let test = data.test();
-    let hold = test.errors(4, |_, _, said| said.fill(0.0));
+    let hold = test.errors(4, |_, _, predicted| predicted.fill(0.0));
     let linear = Linear::new(&data, &data.training()).unwrap().errors(&test);
     for (place, network) in errors(&fitted.network, &test).iter().enumerate() {
         assert!(*network < 0.3 * hold[place], "{place}: {network} of {}", hold[place]);

@@ -11,13 +11,13 @@ use stillpoint_network::{Coarseness, Due, Eye, Game, Group, Model, Patient, Rule
 use stillpoint_plan::beams::Ring;
 use stillpoint_train::TrainError;
 use stillpoint_train::planner::{
-    Checkpoint, Done, Example, Network, Options, Players, Ready, Schedule, Told, Training, Weights, loss,
+    Checkpoint, Done, Example, Network, Options, Players, Ready, Schedule, Progress, Training, Weights, loss,
     scales, train,
 };
 
 const ANGLES: usize = 90;
 const COARSE: Coarseness = Coarseness { grid_mm: 10.0, bixel_mm: 20.0 };
-const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6, layers: 2 };
+const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, neighbour: 4, pair: 8, set: 6, layers: 2 };
 
 fn eye(random: &mut Random) -> Eye {
     let mut next = || random.normal() as f32;
@@ -166,22 +166,22 @@ fn agrees(options: Options) {
     let fixed: Vec<Vec<f32>> = model.numbers()[..6].to_vec();
     let network = Network::new(options.sizes, fixed, 1).unwrap();
     network.set(&model.numbers()[6..]).unwrap();
-    let said = network.forward(&network.load(&case).unwrap()).unwrap();
+    let predicted = network.forward(&network.load(&case).unwrap()).unwrap();
     let judged = model.judge(&case.eye);
     let sets: Vec<&Vec<u16>> = case.sets.iter().take(20).collect();
-    let values = said.values(&sets).unwrap().to_vec1::<f32>().unwrap();
+    let values = predicted.values(&sets).unwrap().to_vec1::<f32>().unwrap();
     for (set, value) in sets.iter().zip(values) {
         let plain = judged.value(&set.iter().map(|b| usize::from(*b)).collect::<Vec<_>>());
         assert!((plain - f64::from(value)).abs() < 1e-4, "{plain} {value}");
     }
     let mut random = Random::new(1);
-    for kept in 0..5 {
-        let states = case.states(2, kept, &mut random).unwrap();
-        let logits = said.logits(&states).unwrap().to_vec2::<f32>().unwrap();
-        for ((kept, legal), row) in states.kept.iter().zip(&states.legal).zip(logits) {
-            let kept: Vec<usize> = kept.iter().map(|b| usize::from(*b)).collect();
+    for retained in 0..5 {
+        let states = case.states(2, retained, &mut random).unwrap();
+        let logits = predicted.logits(&states).unwrap().to_vec2::<f32>().unwrap();
+        for ((retained, legal), row) in states.retained.iter().zip(&states.legal).zip(logits) {
+            let retained: Vec<usize> = retained.iter().map(|b| usize::from(*b)).collect();
             for (angle, logit) in row.into_iter().enumerate().filter(|(a, _)| legal[*a]) {
-                assert!((judged.logit(angle, &kept) - f64::from(logit)).abs() < 1e-4);
+                assert!((judged.logit(angle, &retained) - f64::from(logit)).abs() < 1e-4);
             }
         }
         let sums = states.pi.iter().map(|row| row.iter().sum::<f32>());
@@ -258,13 +258,13 @@ fn a_self_play_that_was_cut_off_anywhere_resumes_to_the_bit() {
         assert_eq!(trained.unwrap_err().to_string(), "planning: cut off");
         assert_eq!(played, until);
     }
-    let (resumed, again) = run(&cut, usize::MAX);
+    let (resumed, repeated) = run(&cut, usize::MAX);
     assert_eq!(resumed.unwrap(), whole);
-    assert_eq!(again, 3, "games that were played are not played again");
+    assert_eq!(repeated, 3, "games that were played are not played again");
     // All of it is there: nothing is played, and nothing is trained.
     let passes = std::sync::Mutex::new(0);
-    let count = |told| {
-        if matches!(told, Told::Pass(_)) {
+    let count = |reported| {
+        if matches!(reported, Progress::Pass(_)) {
             *passes.lock().unwrap() += 1;
         }
     };
@@ -273,8 +273,8 @@ fn a_self_play_that_was_cut_off_anywhere_resumes_to_the_bit() {
     assert_eq!(passes.into_inner().unwrap(), 0);
     // A game that was damaged is played again, with the weights of its round.
     std::fs::write(cut.join("games/round-000-0001.json"), "{").unwrap();
-    let (mended, again) = run(&cut, usize::MAX);
-    assert_eq!((mended.unwrap(), again), (whole, 1));
+    let (mended, repeated) = run(&cut, usize::MAX);
+    assert_eq!((mended.unwrap(), repeated), (whole, 1));
     let other = Schedule { buffer: 4, ..schedule };
     let refused = train(&other, &options(1), &cut, &mut players, &|_| ()).unwrap_err().to_string();
     assert!(refused.contains("other patients, games or options"), "{refused}");

@@ -16,7 +16,7 @@ use common::patient;
 use simulated::{CALM, Part, Simulated, build};
 use stillpoint_network::{Rules, Sizes};
 use stillpoint_pool::{ClientSettings, Pool};
-use stillpoint_train::planner::{Here, Options, Players, Pooled, Schedule, Told, Weights, train};
+use stillpoint_train::planner::{Here, Options, Players, Pooled, Schedule, Progress, Weights, train};
 
 /// Spacing of the doses: coarse, so that games are short.
 const GRID_MM: f64 = 24.0;
@@ -46,19 +46,19 @@ fn schedule() -> Schedule {
 fn weights(players: &mut dyn Players) -> (Vec<u8>, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let options = Options {
-        sizes: Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6, layers: 2 },
+        sizes: Sizes { structure: 4, ring: 8, angle: 8, neighbour: 4, pair: 8, set: 6, layers: 2 },
         weights: Weights { mse: 100.0, ce: 0.3, lambda: 1e-6 },
         sets: 8,
         states: 2,
         ..Options::default()
     };
     let doubtful = Mutex::new(Vec::new());
-    let tell = |told| {
-        if let Told::Doubt(names) = told {
+    let report = |reported| {
+        if let Progress::Doubt(names) = reported {
             doubtful.lock().unwrap().extend(names);
         }
     };
-    let trained = train(&schedule(), &options, folder.path(), players, &tell).unwrap();
+    let trained = train(&schedule(), &options, folder.path(), players, &report).unwrap();
     (trained.model.to_safetensors().unwrap(), doubtful.into_inner().unwrap())
 }
 

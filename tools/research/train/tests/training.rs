@@ -32,13 +32,13 @@ fn outputs_and_gradients_are_those_of_the_vectors() {
     }
     tensors.extend([flat(&given["fc"]["W"]), flat(&given["fc"]["b"])]);
     network.set(&tensors).unwrap();
-    let said = network.forward_all(&flat(&given["x"]), 6).unwrap();
+    let predicted = network.forward_all(&flat(&given["x"]), 6).unwrap();
     let expected = flat(&out["y"]);
-    for (found, expected) in said.flatten_all().unwrap().to_vec1::<f32>().unwrap().iter().zip(&expected) {
+    for (found, expected) in predicted.flatten_all().unwrap().to_vec1::<f32>().unwrap().iter().zip(&expected) {
         assert!((found - expected).abs() < 1e-6, "{found} {expected}");
     }
     // (4.39) sums over the steps; the loss here is the mean over rows, of which there are six.
-    let loss = (network.loss(&said, &flat(&given["target"])).unwrap() * 6.0).unwrap();
+    let loss = (network.loss(&predicted, &flat(&given["target"])).unwrap() * 6.0).unwrap();
     assert!(
         (loss.to_scalar::<f32>().unwrap() - out["loss_half_sum_sq"].as_f64().unwrap() as f32).abs() < 1e-4
     );
@@ -69,14 +69,14 @@ fn the_plain_network_says_what_the_tensors_say() {
     let network = Network::new(9, &[9, 6, 6], 3, 7).unwrap();
     let plain = network.plain(&network.numbers().unwrap()).unwrap();
     let numbers: Vec<f32> = (0..54).map(|i| (i as f32 * 0.7).sin()).collect();
-    let said = network.forward(&numbers, 6, None).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let predicted = network.forward(&numbers, 6, None).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
     let (mut memory, mut y) = (plain.memory(), [0.0; 3]);
     for sample in numbers.chunks_exact(9) {
         let sample: Vec<f64> = sample.iter().map(|v| f64::from(*v)).collect();
         plain.step(&sample, &mut memory);
     }
     plain.output(&memory, &mut y);
-    for (a, b) in said.iter().zip(y) {
+    for (a, b) in predicted.iter().zip(y) {
         assert!((f64::from(*a) - b).abs() < 1e-6, "{a} {b}");
     }
     assert_eq!(plain.parameters(), 1401);
@@ -92,9 +92,9 @@ fn a_network_learns_how_the_rig_moves_and_the_same_seed_learns_the_same() {
         dropout: 0.0,
         ..Options::default()
     };
-    let mut heard = 0;
-    let first = fit(&data, &options, |_| heard += 1).unwrap();
-    assert_eq!((heard, first.epochs.len()), (6, 6));
+    let mut received = 0;
+    let first = fit(&data, &options, |_| received += 1).unwrap();
+    assert_eq!((received, first.epochs.len()), (6, 6));
     let (begin, best) = (first.epochs[0].validation, first.epochs[first.best - 1].validation);
     assert!(best < 0.8 * begin, "{begin} to {best}");
     assert!(first.left.iter().all(|left| *left < 1.0), "{:?}", first.left);

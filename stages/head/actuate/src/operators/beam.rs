@@ -292,7 +292,7 @@ impl GateBeam {
         if let Some(sample) = activation.fresh::<PoseReport>(REPORT)
             && let Some(report) = sample.first()
         {
-            self.report = Some((self.told(report), sample.header.origin.min(now)));
+            self.report = Some((self.reported(report), sample.header.origin.min(now)));
         }
         let Some(plan) = &mut self.plan else { return };
         if let Some(sample) = activation.fresh::<PlanRequest>(PLAN_REQUEST) {
@@ -304,7 +304,7 @@ impl GateBeam {
     }
 
     /// What a report of the tracker says against the beam.
-    fn told(&self, report: &PoseReportElement) -> u32 {
+    fn reported(&self, report: &PoseReportElement) -> u32 {
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         let status = PoseStatus::from_number(report.status);
         let has_pose = matches!(
@@ -341,7 +341,7 @@ impl GateBeam {
         let (armed, spoke) = self.actuation.map_or((false, None), |(armed, stamp)| (armed, Some(stamp)));
         let tracker = match self.report {
             _ if self.tracker == Need::Waived => 0,
-            Some((told, origin)) => told | bit(is_old(origin, self.stale), Reason::TRACKER),
+            Some((reported, origin)) => reported | bit(is_old(origin, self.stale), Reason::TRACKER),
             None => Reason::TRACKER,
         };
         bit(self.target.is_some_and(|(_, stamp)| is_old(stamp, self.target_timeout)), Reason::TARGET_STALE)

@@ -14,7 +14,7 @@ use crate::far_end::{Doing, FarEnd};
 use crate::key::Key;
 use crate::message::{Receiving, Safe, Session};
 use crate::receiver::{Act, Clock, Receives};
-use crate::refusal::Refusal;
+use crate::refusal::DatagramRefusal;
 
 const VALVES: usize = 0;
 const BEAM: usize = 1;
@@ -23,7 +23,7 @@ const DUTIES: usize = 0;
 const STATE: usize = 1;
 const DIAGNOSTICS: usize = 2;
 const ACKNOWLEDGEMENT: usize = 3;
-const METRICS: usize = Refusal::ALL.len();
+const METRICS: usize = DatagramRefusal::ALL.len();
 
 /// Parameters of `actuate.far_end`.
 #[derive(Clone, Debug, Params)]
@@ -155,7 +155,7 @@ impl Operator for ActuateFarEnd {
             number: 0,
             measured: ([0.0; PRESSURES], 0),
             bytes: [0; acknowledgement::LONGEST],
-            metrics: Refusal::ALL.map(|refusal| Metric::new(refusal.name(), 0.0)),
+            metrics: DatagramRefusal::ALL.map(|refusal| Metric::new(refusal.name(), 0.0)),
         })
     }
 
@@ -189,7 +189,7 @@ impl Operator for ActuateFarEnd {
         outputs.send::<Duties>(DUTIES, &duties)?;
         outputs.send::<FarEndSample>(STATE, &self.state(activation.time, doing.beam))?;
         self.acknowledge(activation, &doing, outputs)?;
-        self.tell_refusals(outputs)
+        self.send_refusals(outputs)
     }
 }
 
@@ -224,21 +224,21 @@ impl ActuateFarEnd {
         }
         self.acknowledged = Some(now);
         let session = *self.session.get_or_insert_with(|| Session::begun(&self.key, now, &activation.key));
-        let mut said = self.far_end.acknowledgement(doing, session, self.number, now);
-        (said.pressure, said.bladders) = self.measured;
+        let mut answer = self.far_end.acknowledgement(doing, session, self.number, now);
+        (answer.pressure, answer.bladders) = self.measured;
         self.number += 1;
-        let length = said.encode(&self.key, &mut self.bytes);
+        let length = answer.encode(&self.key, &mut self.bytes);
         outputs.send_slice::<Datagram>(ACKNOWLEDGEMENT, &(), self.bytes.get(..length).unwrap_or(&self.bytes))
     }
 
-    fn tell_refusals(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    fn send_refusals(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let (valves, beam) = (self.far_end.valves(), self.far_end.beam());
         let all = valves.all_refused() + beam.all_refused();
         if all == self.refused {
             return Ok(());
         }
         self.refused = all;
-        for (metric, refusal) in self.metrics.iter_mut().zip(Refusal::ALL) {
+        for (metric, refusal) in self.metrics.iter_mut().zip(DatagramRefusal::ALL) {
             metric.value = (valves.refused(refusal) + beam.refused(refusal)) as f64;
         }
         outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)

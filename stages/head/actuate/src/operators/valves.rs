@@ -195,10 +195,10 @@ impl Operator for ActuateValves {
         if starts == 1 || starts == bladders {
             return Ok(());
         }
-        let said = format!(
+        let description = format!(
             "`start` has {starts} pressures for {bladders} bladders: give one for all or one for each"
         );
-        Err(ParamConflict::inside(&["pressure"], SetupError(said)))
+        Err(ParamConflict::inside(&["pressure"], SetupError(description)))
     }
 
     fn validate_input(params: &ValvesParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
@@ -286,7 +286,7 @@ impl Operator for ActuateValves {
             let bladders = (rig.bladders as usize).min(rig.pressure.len());
             self.drive.measure(rig.pressure[..bladders].iter().copied());
         }
-        let far = self.far.as_ref().and_then(FarWatch::last).map(|heard| heard.pressures());
+        let far = self.far.as_ref().and_then(FarWatch::last).map(|received| received.pressures());
         let is_measured_there = far.is_some_and(|pressures| !pressures.is_empty());
         if let Some(pressures) = far {
             self.drive.measure(pressures.iter().map(|p| f64::from(*p)));
@@ -305,7 +305,7 @@ impl Operator for ActuateValves {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
-        let shaped = self.drive.tell(now, order, self.watch.duties());
+        let shaped = self.drive.report(now, order, self.watch.duties());
         let is_measured = is_measured_there || activation.input::<RigState>(MEASURED).is_some();
         self.is_limited = !is_measured && shaped.reasons & Reason::PRESSURE_LIMITED != 0;
         let error = answered.error && order == Order::Follow;

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stillpoint_actuate::acknowledgement::{Acknowledgement, LONGEST};
 use stillpoint_actuate::far_watch::{FarWatch, FarWatchParams};
-use stillpoint_actuate::{Refusal, Session};
+use stillpoint_actuate::{DatagramRefusal, Session};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Registry, Setup};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, Stage, StepError, Timer,
@@ -18,7 +18,7 @@ use super::whole::{Said, actuation, files, text};
 
 const MS: u64 = 1_000_000;
 
-fn said(number: u64, sequence: u64, accepted: u64) -> Acknowledgement {
+fn description(number: u64, sequence: u64, accepted: u64) -> Acknowledgement {
     Acknowledgement {
         doing: FarEndDoing::Following,
         beam: true,
@@ -35,9 +35,9 @@ fn said(number: u64, sequence: u64, accepted: u64) -> Acknowledgement {
     }
 }
 
-fn bytes(said: &Acknowledgement) -> Vec<u8> {
+fn bytes(description: &Acknowledgement) -> Vec<u8> {
     let mut room = [0; LONGEST];
-    let length = said.encode(&key(), &mut room);
+    let length = description.encode(&key(), &mut room);
     room[..length].to_vec()
 }
 
@@ -53,13 +53,13 @@ proptest! {
         place in 0..200usize,
         bit in 0..8u32,
     ) {
-        let mut said = said(numbers[0], numbers[1], numbers[1].min(numbers[2]));
-        (said.refused, said.order_stamp, said.bladders) = (numbers[3], numbers[4], bladders);
-        for (j, pressure) in said.pressure.iter_mut().enumerate() {
+        let mut description = description(numbers[0], numbers[1], numbers[1].min(numbers[2]));
+        (description.refused, description.order_stamp, description.bladders) = (numbers[3], numbers[4], bladders);
+        for (j, pressure) in description.pressure.iter_mut().enumerate() {
             *pressure = if j < bladders { 100.0 * j as f32 } else { 0.0 };
         }
-        let mut bytes = bytes(&said);
-        prop_assert_eq!(Acknowledgement::decode(&bytes, &key()), Ok(said));
+        let mut bytes = bytes(&description);
+        prop_assert_eq!(Acknowledgement::decode(&bytes, &key()), Ok(description));
         let place = place % bytes.len();
         bytes[place] ^= 1 << bit;
         prop_assert!(Acknowledgement::decode(&bytes, &key()).is_err());
@@ -71,34 +71,34 @@ fn nothing_that_was_recorded_makes_an_order_newer_than_it_is() {
     let (own, sent) = (session(1), 100);
     let mut watch = watch();
     assert_eq!(watch.missing(0), Reason::NO_ANSWER);
-    let (first, second) = (bytes(&said(3, 10, 11)), bytes(&said(4, 12, 13)));
+    let (first, second) = (bytes(&description(3, 10, 11)), bytes(&description(4, 12, 13)));
     watch.take(&first, own, sent, 110 * MS).unwrap();
     watch.take(&second, own, sent, 130 * MS).unwrap();
     assert_eq!((watch.age(190 * MS), watch.missing(200 * MS)), (Some(70 * MS), 0));
     // Played back, reordered, of another session, of a far end that is gone, of orders that nobody sent, of another key.
-    let mut other = said(5, 13, 14);
+    let mut other = description(5, 13, 14);
     other.session = session(2);
-    let mut gone = said(9, 13, 14);
+    let mut gone = description(9, 13, 14);
     gone.far.started = 4;
-    let mut backwards = said(6, 11, 12);
+    let mut backwards = description(6, 11, 12);
     backwards.order_stamp = 900 * MS;
-    let mut forged = bytes(&said(7, 13, 14));
+    let mut forged = bytes(&description(7, 13, 14));
     *forged.last_mut().unwrap() ^= 1;
     for (bytes, why) in [
-        (second, Refusal::Repeated),
-        (first, Refusal::Old),
-        (bytes(&other), Refusal::Recipient),
-        (bytes(&gone), Refusal::OldSession),
-        (bytes(&backwards), Refusal::Malformed),
-        (bytes(&said(8, 100, 101)), Refusal::Malformed),
-        (forged, Refusal::Forged),
+        (second, DatagramRefusal::Repeated),
+        (first, DatagramRefusal::Old),
+        (bytes(&other), DatagramRefusal::Recipient),
+        (bytes(&gone), DatagramRefusal::OldSession),
+        (bytes(&backwards), DatagramRefusal::Malformed),
+        (bytes(&description(8, 100, 101)), DatagramRefusal::Malformed),
+        (forged, DatagramRefusal::Forged),
     ] {
         assert_eq!(watch.take(&bytes, own, sent, 140 * MS), Err(why));
     }
     assert_eq!((watch.refused(), watch.lost()), (7, 0));
     assert_eq!(watch.missing(201 * MS), Reason::NO_ANSWER);
     // The far end says it has no order yet: nobody is refused, and nothing is known.
-    let mut none = said(10, 0, 0);
+    let mut none = description(10, 0, 0);
     (none.session, none.order_stamp) = (Session::default(), 0);
     assert_eq!(watch.take(&bytes(&none), own, sent, 210 * MS), Ok(()));
     assert_eq!(watch.missing(210 * MS), Reason::NO_ANSWER);
@@ -108,12 +108,12 @@ fn nothing_that_was_recorded_makes_an_order_newer_than_it_is() {
 fn lost_orders_are_counted_over_a_far_end_that_starts_again() {
     let (own, sent) = (session(1), 100);
     let mut watch = watch();
-    watch.take(&bytes(&said(0, 9, 8)), own, sent, 0).unwrap();
+    watch.take(&bytes(&description(0, 9, 8)), own, sent, 0).unwrap();
     assert_eq!((watch.lost(), watch.warnings(0)), (2, Reason::ORDERS_LOST));
     assert_eq!(watch.warnings(1000 * MS), 0);
-    let mut again = said(0, 29, 15);
-    again.far.started = 6;
-    watch.take(&bytes(&again), own, sent, 2000 * MS).unwrap();
+    let mut repeated = description(0, 29, 15);
+    repeated.far.started = 6;
+    watch.take(&bytes(&repeated), own, sent, 2000 * MS).unwrap();
     // 30 were sent, 8 and 15 arrived.
     assert_eq!((watch.lost(), watch.warnings(2000 * MS)), (7, Reason::ORDERS_LOST));
 }
@@ -200,8 +200,8 @@ fn run(there: &str, back: &str, ms: u64) -> Run {
 }
 
 fn metric(run: &Run, name: &str) -> f64 {
-    let told = run.samples::<Diagnostics>("valves.diagnostics");
-    told.last().unwrap().elements.iter().find(|m| m.name() == name).unwrap().value
+    let reported = run.samples::<Diagnostics>("valves.diagnostics");
+    reported.last().unwrap().elements.iter().find(|m| m.name() == name).unwrap().value
 }
 
 #[test]

@@ -112,15 +112,15 @@ fn a_key_file_that_others_may_read_is_refused_unless_it_is_the_example() {
     let own = b"00112233445566778899aabbccddeeff0123456789abcdef0123456789abcdef".as_slice();
     let example = include_bytes!("../../../../../examples/data/rig.key").as_slice();
     let stages = [STAGES, stillpoint_actuate::STAGES].concat();
-    let said = |key: &[u8], mode: u32| {
+    let description = |key: &[u8], mode: u32| {
         std::fs::write(&file, key).unwrap();
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).unwrap();
-        let files = stillpoint_operator::files::DiskFiles::beside(&folder.join("whole.yaml"));
+        let files = stillpoint_operator::files::DiskFiles::next_to(&folder.join("whole.yaml"));
         Bench::new(&text(&Said::default()), "valves", &stages, &files).err()
     };
-    let refused = said(own, 0o640).unwrap();
+    let refused = description(own, 0o640).unwrap();
     assert!(refused.contains("others may read this key file (mode 0640)") && refused.contains("chmod 600"));
-    assert_eq!([said(own, 0o600), said(example, 0o644)], [None, None]);
+    assert_eq!([description(own, 0o600), description(example, 0o644)], [None, None]);
     std::fs::remove_dir_all(folder).unwrap();
 }
 
@@ -268,9 +268,9 @@ fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease
     let off = gate(&silent.at((ms + 31) * MS).tick());
     assert_eq!((off.beam, off.reasons, off.lease_ends), (0, GateReason::ACTUATION_SILENT, 0));
     for state in [State::Holding, State::Disarmed, State::Venting, State::Fault] {
-        let (mut told, ms) = beaming();
+        let (mut reported, ms) = beaming();
         let word = ActuationElement { state: state as u32, order: Order::Hold as u32, ..armed };
-        let off = gate(&told.at((ms + 1) * MS).feed::<Actuation>(2, &(), &[word], 0));
+        let off = gate(&reported.at((ms + 1) * MS).feed::<Actuation>(2, &(), &[word], 0));
         assert_eq!((off.beam, off.reasons), (0, GateReason::ACTUATION), "{state:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! Broken datagrams: none is accepted, and nothing panics.
 
 use proptest::prelude::*;
-use stillpoint_actuate::{Act, Order, Receiver, Receives, Refusal, decode};
+use stillpoint_actuate::{Act, DatagramRefusal, Order, Receiver, Receives, decode};
 
 use super::sent::{bytes, key, order, session};
 
@@ -14,10 +14,10 @@ fn every_flipped_bit_is_refused() {
             broken[bit / 8] ^= 1 << (bit % 8);
             let refusal = decode(&broken, &key()).unwrap_err();
             let expected = match bit / 8 {
-                0..4 => Refusal::Foreign,
-                4 => Refusal::Version,
-                48 => Refusal::Length,
-                _ => Refusal::Forged,
+                0..4 => DatagramRefusal::Foreign,
+                4 => DatagramRefusal::Version,
+                48 => DatagramRefusal::Length,
+                _ => DatagramRefusal::Forged,
             };
             assert_eq!(refusal, expected, "bit {bit}");
         }
@@ -28,12 +28,12 @@ fn every_flipped_bit_is_refused() {
 fn every_cut_and_every_addition_is_refused() {
     let valid = bytes(&order(session(0), 0, 0, Order::Follow));
     for length in 0..valid.len() {
-        let expected = if length < 84 { Refusal::TooShort } else { Refusal::Length };
+        let expected = if length < 84 { DatagramRefusal::TooShort } else { DatagramRefusal::Length };
         assert_eq!(decode(&valid[..length], &key()), Err(expected));
     }
     for more in 1..200 {
         let long = [&valid[..], &vec![0; more][..]].concat();
-        let expected = if long.len() > 148 { Refusal::TooLong } else { Refusal::Length };
+        let expected = if long.len() > 148 { DatagramRefusal::TooLong } else { DatagramRefusal::Length };
         assert_eq!(decode(&long, &key()), Err(expected));
     }
 }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stillpoint_actuate::datagram::receiving;
 use stillpoint_actuate::{
-    EncodeError, LONGEST, Message, Order, Receiving, Refusal, Safe, Session, VALVES, decode, encode,
+    DatagramRefusal, EncodeError, LONGEST, Message, Order, Receiving, Safe, Session, VALVES, decode, encode,
 };
 
 use super::sent::{bytes, key, order, resealed, session};
@@ -93,21 +93,33 @@ fn what_no_receiver_takes_is_not_sent() {
 fn a_holder_of_the_key_that_makes_a_mistake_is_refused_by_its_reason() {
     let valid = bytes(&order(session(0), 0, 0, Order::Follow));
     let refused = |change: &dyn Fn(&mut [u8])| decode(&resealed(valid.clone(), change), &key());
-    assert_eq!(refused(&|b| b[52..56].copy_from_slice(&f32::NAN.to_le_bytes())), Err(Refusal::NotFinite));
+    assert_eq!(
+        refused(&|b| b[52..56].copy_from_slice(&f32::NAN.to_le_bytes())),
+        Err(DatagramRefusal::NotFinite)
+    );
     assert_eq!(
         refused(&|b| b[52..56].copy_from_slice(&f32::INFINITY.to_le_bytes())),
-        Err(Refusal::NotFinite)
+        Err(DatagramRefusal::NotFinite)
     );
-    assert_eq!(refused(&|b| b[56..60].copy_from_slice(&1.5f32.to_le_bytes())), Err(Refusal::OutOfRange));
-    assert_eq!(refused(&|b| b[56..60].copy_from_slice(&(-0.1f32).to_le_bytes())), Err(Refusal::OutOfRange));
-    assert_eq!(refused(&|b| b[56..60].copy_from_slice(&(-0.0f32).to_le_bytes())), Err(Refusal::OutOfRange));
-    assert_eq!(refused(&|b| b[40..44].fill(0)), Err(Refusal::Life));
-    assert_eq!(refused(&|b| b[40..44].fill(255)), Err(Refusal::Life));
+    assert_eq!(
+        refused(&|b| b[56..60].copy_from_slice(&1.5f32.to_le_bytes())),
+        Err(DatagramRefusal::OutOfRange)
+    );
+    assert_eq!(
+        refused(&|b| b[56..60].copy_from_slice(&(-0.1f32).to_le_bytes())),
+        Err(DatagramRefusal::OutOfRange)
+    );
+    assert_eq!(
+        refused(&|b| b[56..60].copy_from_slice(&(-0.0f32).to_le_bytes())),
+        Err(DatagramRefusal::OutOfRange)
+    );
+    assert_eq!(refused(&|b| b[40..44].fill(0)), Err(DatagramRefusal::Life));
+    assert_eq!(refused(&|b| b[40..44].fill(255)), Err(DatagramRefusal::Life));
     for byte in [5, 6, 7, 49, 50, 51] {
-        assert_eq!(refused(&|b| b[byte] = 9), Err(Refusal::Malformed), "byte {byte}");
+        assert_eq!(refused(&|b| b[byte] = 9), Err(DatagramRefusal::Malformed), "byte {byte}");
     }
     // An order to hold that carries duties, and a beam that vents.
-    assert_eq!(refused(&|b| b[6] = 0), Err(Refusal::Malformed));
-    assert_eq!(refused(&|b| b[5] = 2), Err(Refusal::Malformed));
+    assert_eq!(refused(&|b| b[6] = 0), Err(DatagramRefusal::Malformed));
+    assert_eq!(refused(&|b| b[5] = 2), Err(DatagramRefusal::Malformed));
     assert!(refused(&|_| {}).is_ok());
 }

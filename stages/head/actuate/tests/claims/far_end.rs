@@ -8,14 +8,14 @@ use super::whole::{Said, files, registry, text};
 
 const OTHER_KEY: &[u8] = b"ff112233445566778899aabbccddeeff0123456789abcdef0123456789abcdef";
 
-fn run(said: &Said<'_>, key: &str, ms: u64) -> Run {
+fn run(description: &Said<'_>, key: &str, ms: u64) -> Run {
     let far = format!(
         "  far: {{ use: actuate.far_end, every: 5 ms, params: {{ key: {key} }}, \
          inputs: {{ valves: {{ from: valves.datagram, delay: 2 ms }}, beam: {{ from: gate.datagram, delay: 2 ms }} }} }}\n"
     );
     let mut files: MemoryFiles = files();
     files.files.insert("other.key".to_string(), OTHER_KEY.to_vec());
-    stillpoint_testing::run(&(text(said) + &far), &registry(), &files, ms).unwrap()
+    stillpoint_testing::run(&(text(description) + &far), &registry(), &files, ms).unwrap()
 }
 
 fn states(run: &Run) -> Vec<(u64, FarEndElement)> {
@@ -53,7 +53,7 @@ fn with_another_key_it_vents_and_counts_every_datagram_as_forged() {
     assert!(last.refused > 50);
     let duties = last_duties(&run);
     assert_eq!(duties.duty[..6], [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
-    let told = run.samples::<Diagnostics>("far.diagnostics");
-    let forged = told.last().unwrap().elements.iter().find(|m| m.name() == "forged").unwrap().value;
+    let reported = run.samples::<Diagnostics>("far.diagnostics");
+    let forged = reported.last().unwrap().elements.iter().find(|m| m.name() == "forged").unwrap().value;
     assert_eq!(forged, (last.refused + last.refused_beam) as f64);
 }

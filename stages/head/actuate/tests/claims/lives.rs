@@ -1,7 +1,7 @@
 //! The far end: numbers, lives and sessions, valves and beam.
 
 use stillpoint_actuate::{
-    Act, Clock, FarEnd, Key, Message, Order, Receiver, Receives, Receiving, Refusal, Safe, Session,
+    Act, Clock, DatagramRefusal, FarEnd, Key, Message, Order, Receiver, Receives, Receiving, Safe, Session,
 };
 
 use super::sent::{bytes, key, order, session};
@@ -15,7 +15,7 @@ fn entered() -> Receiver {
     receiver
 }
 
-fn take(receiver: &mut Receiver, message: &Message, ms: u64) -> Option<Refusal> {
+fn take(receiver: &mut Receiver, message: &Message, ms: u64) -> Option<DatagramRefusal> {
     receiver.receive(&bytes(message), ms * MS).err()
 }
 
@@ -24,26 +24,26 @@ fn repeated_reordered_and_foreign_datagrams_are_refused_and_counted() {
     let mut receiver = entered();
     for (sequence, refusal) in [
         (1, None),
-        (1, Some(Refusal::Repeated)),
+        (1, Some(DatagramRefusal::Repeated)),
         (4, None),
-        (3, Some(Refusal::Old)),
-        (0, Some(Refusal::Old)),
+        (3, Some(DatagramRefusal::Old)),
+        (0, Some(DatagramRefusal::Old)),
         (5, None),
     ] {
         assert_eq!(take(&mut receiver, &order(session(0), sequence, 1, Order::Follow), 1), refusal);
     }
     let beam = Message { sequence: 6, stamp: MS, ..Message::resting(Receiving::Beam, session(0)) };
-    assert_eq!(take(&mut receiver, &beam, 1), Some(Refusal::Recipient));
+    assert_eq!(take(&mut receiver, &beam, 1), Some(DatagramRefusal::Recipient));
     let mut four = order(session(0), 6, 1, Order::Follow);
     (four.valves, four.duty[5]) = (4, 0.0);
-    assert_eq!(take(&mut receiver, &four, 1), Some(Refusal::Valves));
+    assert_eq!(take(&mut receiver, &four, 1), Some(DatagramRefusal::Valves));
     let other = Key::parse(&[b"01".repeat(16), b"02".repeat(16)].concat()).unwrap();
     let mut foreign = Receiver::new(other, Receives::valves(6));
-    assert_eq!(take(&mut foreign, &order(session(0), 0, 0, Order::Hold), 0), Some(Refusal::Forged));
+    assert_eq!(take(&mut foreign, &order(session(0), 0, 0, Order::Hold), 0), Some(DatagramRefusal::Forged));
     let counts = receiver.counts();
     assert_eq!((counts.accepted, counts.missing, counts.sessions), (4, 2, 1));
-    assert_eq!((counts.refused(Refusal::Repeated), counts.refused(Refusal::Old)), (1, 2));
-    assert_eq!((counts.refused(Refusal::Recipient), counts.all_refused()), (1, 5));
+    assert_eq!((counts.refused(DatagramRefusal::Repeated), counts.refused(DatagramRefusal::Old)), (1, 2));
+    assert_eq!((counts.refused(DatagramRefusal::Recipient), counts.all_refused()), (1, 5));
 }
 
 #[test]
@@ -63,8 +63,14 @@ fn a_life_ends_sixty_ms_after_the_stamp_and_the_safe_state_holds() {
 #[test]
 fn what_was_held_back_on_the_way_or_is_of_the_future_is_refused() {
     let mut receiver = entered();
-    assert_eq!(take(&mut receiver, &order(session(0), 1, 10, Order::Follow), 70), Some(Refusal::Late));
-    assert_eq!(take(&mut receiver, &order(session(0), 1, 80, Order::Follow), 70), Some(Refusal::Early));
+    assert_eq!(
+        take(&mut receiver, &order(session(0), 1, 10, Order::Follow), 70),
+        Some(DatagramRefusal::Late)
+    );
+    assert_eq!(
+        take(&mut receiver, &order(session(0), 1, 80, Order::Follow), 70),
+        Some(DatagramRefusal::Early)
+    );
     assert_eq!(take(&mut receiver, &order(session(0), 1, 74, Order::Follow), 70), None);
     // A stamp a little ahead gives no longer life.
     assert_eq!(receiver.ends(), Some(130 * MS));
@@ -78,18 +84,21 @@ fn what_was_held_back_on_the_way_or_is_of_the_future_is_refused() {
 fn a_session_is_entered_at_rest_after_the_life_of_the_last_one_and_only_by_a_later_one() {
     let mut receiver = entered();
     let new = session(30);
-    assert_eq!(take(&mut receiver, &order(new, 0, 40, Order::Hold), 40), Some(Refusal::SecondSender));
-    assert_eq!(take(&mut receiver, &order(new, 3, 60, Order::Follow), 60), Some(Refusal::InMotion));
+    assert_eq!(take(&mut receiver, &order(new, 0, 40, Order::Hold), 40), Some(DatagramRefusal::SecondSender));
+    assert_eq!(take(&mut receiver, &order(new, 3, 60, Order::Follow), 60), Some(DatagramRefusal::InMotion));
     assert_eq!(take(&mut receiver, &order(new, 4, 60, Order::Vent), 60), None);
     assert_eq!(take(&mut receiver, &order(new, 5, 61, Order::Follow), 61), None);
     // The old process wakes up, now and after the new one is gone.
     for ms in [62, 500] {
         let woken = order(session(0), 9, ms, Order::Hold);
-        assert_eq!(take(&mut receiver, &woken, ms), Some(Refusal::OldSession));
+        assert_eq!(take(&mut receiver, &woken, ms), Some(DatagramRefusal::OldSession));
     }
     // Of one start, but another operator: no order between them.
     let twin = Session { nonce: 1, ..new };
-    assert_eq!(take(&mut receiver, &order(twin, 0, 500, Order::Hold), 500), Some(Refusal::OldSession));
+    assert_eq!(
+        take(&mut receiver, &order(twin, 0, 500, Order::Hold), 500),
+        Some(DatagramRefusal::OldSession)
+    );
     assert_eq!(receiver.counts().sessions, 2);
 }
 
@@ -100,7 +109,7 @@ fn a_recording_of_an_earlier_run_moves_nothing() {
     let now = 3_600_000;
     for (sequence, o) in [(0, Order::Hold), (1, Order::Follow), (2, Order::Follow)] {
         let recorded = order(session(0), sequence, 10 * sequence, o);
-        assert_eq!(take(&mut receiver, &recorded, now + sequence), Some(Refusal::Late));
+        assert_eq!(take(&mut receiver, &recorded, now + sequence), Some(DatagramRefusal::Late));
     }
     assert_eq!(receiver.act((now + 3) * MS), Act::Vent);
 }
@@ -168,11 +177,11 @@ fn the_beam_is_off_without_a_lease_and_while_the_valves_hold() {
     let mut far = FarEnd::new(&key(), Receives::valves(6));
     assert_eq!(far.step(0).valves, Act::Vent);
     let lease = Message { order: Order::Follow, ..Message::resting(Receiving::Beam, session(0)) };
-    assert_eq!(far.receive(&bytes(&lease), 0), Err(Refusal::InMotion));
+    assert_eq!(far.receive(&bytes(&lease), 0), Err(DatagramRefusal::InMotion));
     assert!(!far.step(MS).beam);
     let mut far = beaming();
     far.receive(&bytes(&order(session(0), 2, 2, Order::Hold)), 2 * MS).unwrap();
     assert!(!far.step(2 * MS).beam);
-    assert_eq!(far.receive(b"noise", 3 * MS), Err(Refusal::TooShort));
+    assert_eq!(far.receive(b"noise", 3 * MS), Err(DatagramRefusal::TooShort));
     assert_eq!((far.valves().all_refused(), far.beam().accepted), (1, 2));
 }

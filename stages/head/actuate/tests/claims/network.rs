@@ -64,8 +64,8 @@ proptest! {
                 Err(_) => prop_assert_eq!(receiver.act(at), before),
             }
             let follows = matches!(receiver.act(at), Act::Follow(_));
-            let is_told = receiver.last().is_some_and(|m| m.order == Order::Follow);
-            prop_assert_eq!(follows, is_told && receiver.is_alive(at));
+            let is_reported = receiver.last().is_some_and(|m| m.order == Order::Follow);
+            prop_assert_eq!(follows, is_reported && receiver.is_alive(at));
             // Whatever came, nothing is obeyed for longer than its life.
             let over = receiver.ends().unwrap_or(0).max(at);
             prop_assert_eq!(receiver.act(over + 60_000_000), Act::Vent);

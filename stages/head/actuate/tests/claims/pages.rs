@@ -1,6 +1,6 @@
 //! `docs/guide/actuation.md` names every reason with its bit, and every refusal.
 
-use stillpoint_actuate::{Key, Refusal};
+use stillpoint_actuate::{DatagramRefusal, Key};
 use stillpoint_samples::{ActuationReason, GateReason};
 
 const PAGE: &str = include_str!("../../../../../docs/guide/actuation.md");
@@ -27,7 +27,7 @@ fn the_page_lists_every_reason_with_its_bit() {
 
 #[test]
 fn the_page_lists_every_refusal() {
-    for refusal in Refusal::ALL {
+    for refusal in DatagramRefusal::ALL {
         assert!(PAGE.contains(&format!("`{}`", refusal.name())), "{refusal:?}");
     }
 }

@@ -140,7 +140,7 @@ fn a_step_of_valves_and_gate_allocates_nothing() {
             550 => (4, Verb::Disarm),
             _ => (3, Verb::Capture),
         };
-        let [state, order, about, said, aim] = [
+        let [state, order, about, description, aim] = [
             sample::<Track>(&pose, time),
             sample::<Duties>(&order, time),
             sample::<PoseReport>(&report(1), time),
@@ -154,7 +154,7 @@ fn a_step_of_valves_and_gate_allocates_nothing() {
                 (0, pieces::<Duties>(&order)),
                 (1, pieces::<Track>(&state)),
                 (2, pieces::<PoseReport>(&about)),
-                (verb.0, pieces::<ConsoleCommand>(&said)),
+                (verb.0, pieces::<ConsoleCommand>(&description)),
             ],
         );
         let element: ActuationElement = valves.sent::<Actuation>(1);

@@ -289,7 +289,7 @@ impl Operator for Plans {
             standing: standing as u32,
             ..PlanUpdateBody::default()
         };
-        let said = match activation.tick {
+        let description = match activation.tick {
             0 | 150 => {
                 let request = PlanRequestElement {
                     position: [0.0; 3],
@@ -307,7 +307,7 @@ impl Operator for Plans {
             200 => answer(1, PlanStanding::Holds),
             _ => return Ok(()),
         };
-        outputs.send_slice::<PlanUpdate>(1, &said, &[])
+        outputs.send_slice::<PlanUpdate>(1, &description, &[])
     }
 }
 

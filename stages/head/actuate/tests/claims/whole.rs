@@ -33,8 +33,8 @@ pub struct Said<'a> {
     pub gate: &'a str,
 }
 
-pub fn text(said: &Said<'_>) -> String {
-    let Said { person, filter, head, control, target, valves, gate } = said;
+pub fn text(description: &Said<'_>) -> String {
+    let Said { person, filter, head, control, target, valves, gate } = description;
     format!(
         "
 stillpoint: 1
@@ -70,8 +70,8 @@ pub fn registry() -> Registry {
     Registry::new(&[script::STAGES, stillpoint_actuate::STAGES])
 }
 
-pub fn run(said: &Said<'_>, ms: u64) -> Run {
-    let run = stillpoint_testing::run(&text(said), &registry(), &files(), ms).unwrap();
+pub fn run(description: &Said<'_>, ms: u64) -> Run {
+    let run = stillpoint_testing::run(&text(description), &registry(), &files(), ms).unwrap();
     assert_eq!(run.failed(), &[] as &[String]);
     run
 }
@@ -146,7 +146,7 @@ fn a_person_arms_the_head_is_held_and_the_beam_goes_on_after_the_dwell() {
 /// A fault that comes at 1500 ms or with the first sample after it, while the beam is on.
 struct Case<'a> {
     name: &'a str,
-    said: Said<'a>,
+    description: Said<'a>,
     /// When it is first to be seen at the latest, ms.
     seen: u64,
     reason: u32,
@@ -157,7 +157,7 @@ struct Case<'a> {
 fn every_fault_ends_the_lease_before_it_vents_and_vents_within_100_ms() {
     use ActuationReason as Reason;
     let base = Said::default();
-    let case = |name, said, seen, reason, state| Case { name, said, seen, reason, state };
+    let case = |name, description, seen, reason, state| Case { name, description, seen, reason, state };
     let from = "from: 1490 ms";
     let filter = |fault: &str| format!("fault: {fault}, {from}");
     let (silent, nan, nothing, frozen, off) =
@@ -192,7 +192,7 @@ fn every_fault_ends_the_lease_before_it_vents_and_vents_within_100_ms() {
         ),
         case("a person", Said { person: "vent: 1490 ms", ..base }, 1_490, Reason::ASKED, State::Venting),
     ] {
-        let run = run(&case.said, 2_500);
+        let run = run(&case.description, 2_500);
         let (states, gates, name) = (actuation(&run), gate(&run), case.name);
         let halted = first(&states, 1_480, |a| a.order != 2).unwrap();
         assert!(halted <= case.seen, "{name}: {halted}");
@@ -248,10 +248,10 @@ fn what_speaks_against_the_beam_alone_ends_it_and_leaves_the_valves() {
         let (_, last) = gates.last().unwrap();
         // It comes back by itself, after the dwell.
         assert_eq!((last.beam, last.leases, last.reasons), (1, 2, 0));
-        let again = first(&gates, ms + 1, |g| g.beam == 1).unwrap();
-        assert!(gates.iter().all(|(at, g)| !(ms + 1..again).contains(at) || g.reasons != 0));
+        let repeated = first(&gates, ms + 1, |g| g.beam == 1).unwrap();
+        assert!(gates.iter().all(|(at, g)| !(ms + 1..repeated).contains(at) || g.reasons != 0));
         let well = first(&gates, ms + 1, |g| g.reasons == Reason::DWELLING).unwrap();
-        assert_eq!(again - well, 200, "{reason}");
+        assert_eq!(repeated - well, 200, "{reason}");
     }
 }
 
@@ -324,8 +324,9 @@ fn a_repeated_measurement_ends_the_lease_at_once() {
 fn a_stage_that_comes_back_is_followed_without_a_jump() {
     let silent = "duty: 0.8, fault: silent, from: 1490 ms, to: 2000 ms";
     let late = "fault: silent, from: 1490 ms, to: 2400 ms";
-    for said in [Said { control: silent, ..Said::default() }, Said { filter: late, ..Said::default() }] {
-        let run = run(&Said { valves: "slew: 2 1/s", ..said }, 4_000);
+    for description in [Said { control: silent, ..Said::default() }, Said { filter: late, ..Said::default() }]
+    {
+        let run = run(&Said { valves: "slew: 2 1/s", ..description }, 4_000);
         let states = actuation(&run);
         for pair in states.windows(2) {
             let ((from, before), (to, after)) = (&pair[0], &pair[1]);
@@ -334,8 +335,8 @@ fn a_stage_that_comes_back_is_followed_without_a_jump() {
             assert!((0..16).all(|v| after.duty[v] <= before.duty[v] + growth), "{to} ms");
         }
         let vent = first(&states, 1_490, |a| a.order == 1).unwrap();
-        let again = first(&states, vent, |a| a.order == 2).unwrap();
-        let (_, first_again) = states.iter().find(|(ms, _)| *ms == again).unwrap();
+        let repeated = first(&states, vent, |a| a.order == 2).unwrap();
+        let (_, first_again) = states.iter().find(|(ms, _)| *ms == repeated).unwrap();
         assert!(
             first_again.duty[0] <= 0.02 + 1e-9 && first_again.reasons & ActuationReason::SLEW_LIMITED != 0
         );
@@ -354,8 +355,8 @@ fn a_frame_that_comes_late_has_the_valves_hold_and_no_more() {
         let states = actuation(&run);
         assert_eq!(states.iter().any(|(_, a)| a.order == 1), vents, "{lead}");
         let held = first(&states, 1_500, |a| a.state() == State::Holding).unwrap();
-        let again = first(&states, held, |a| a.order == 2).unwrap();
-        assert_eq!(again, if vents { 1_900 } else { 1_800 }, "{lead}");
+        let repeated = first(&states, held, |a| a.order == 2).unwrap();
+        assert_eq!(repeated, if vents { 1_900 } else { 1_800 }, "{lead}");
     }
 }
 
@@ -363,7 +364,7 @@ fn a_frame_that_comes_late_has_the_valves_hold_and_no_more() {
 fn arming_without_reference_or_extrinsic_or_pose_is_refused_and_said() {
     use ActuationReason as Reason;
     let base = Said::default();
-    for (said, lacking) in [
+    for (description, lacking) in [
         (Said { head: "fault: nothing", ..base }, Reason::REFERENCE),
         (Said { head: "fault: silent", ..base }, Reason::REFERENCE),
         (Said { valves: "extrinsic: { max_age: 24 h }", ..base }, Reason::EXTRINSIC),
@@ -371,7 +372,7 @@ fn arming_without_reference_or_extrinsic_or_pose_is_refused_and_said() {
         (Said { filter: "fault: silent, from: 50 ms", ..base }, Reason::POSE_STALE),
         (Said { control: "fault: silent", ..base }, Reason::NO_COMMAND),
     ] {
-        let run = run(&said, 1_000);
+        let run = run(&description, 1_000);
         let states = actuation(&run);
         let (_, last) = states.last().unwrap();
         assert_eq!((last.state(), last.refused, last.lacking), (State::Disarmed, 1, lacking));
@@ -436,8 +437,8 @@ fn bladders_start_at_one_pressure_or_each_at_its_own() {
     assert_eq!(first("pressure: { start: [7 kPa] }"), [7e3; 3]);
     assert_eq!(first("pressure: { start: [7 kPa, 3.8 kPa, 0 Pa] }"), [7e3, 3.8e3, 0.0]);
     for none in ["[]", "[7 kPa, 7 kPa]", "[1 kPa, 1 kPa, 1 kPa, 1 kPa]"] {
-        let said = Said { valves: &format!("pressure: {{ start: {none} }}"), ..Said::default() };
-        let refused = stillpoint_testing::run(&text(&said), &registry(), &files(), 100).err().unwrap();
+        let description = Said { valves: &format!("pressure: {{ start: {none} }}"), ..Said::default() };
+        let refused = stillpoint_testing::run(&text(&description), &registry(), &files(), 100).err().unwrap();
         assert!(refused.contains("give one for all or one for each"), "{refused}");
     }
 }
@@ -458,8 +459,8 @@ fn a_pressure_above_its_limit_is_a_fault() {
 
 #[test]
 fn two_runs_send_the_same_bytes() {
-    let said = Said { control: "fault: silent, from: 800 ms, to: 1200 ms", ..Said::default() };
-    let (one, two) = (run(&said, 2_000), run(&said, 2_000));
+    let description = Said { control: "fault: silent, from: 800 ms, to: 1200 ms", ..Said::default() };
+    let (one, two) = (run(&description, 2_000), run(&description, 2_000));
     for topic in ["valves.datagram", "valves.state", "valves.diagnostics", "gate.datagram", "gate.state"] {
         assert!(!one.bytes(topic).is_empty());
         assert_eq!(one.bytes(topic), two.bytes(topic), "{topic}");

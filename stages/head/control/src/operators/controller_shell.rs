@@ -241,14 +241,14 @@ impl ControllerShell {
         if target.status() == TargetStatus::None {
             return Err(DutyReason::NoTarget);
         }
-        let wanted = self.plant.channels.of_target(target).ok_or(DutyReason::MissingChannel)?;
-        if pose.iter().chain(&wanted).any(|v| !v.is_finite()) {
+        let requested = self.plant.channels.of_target(target).ok_or(DutyReason::MissingChannel)?;
+        if pose.iter().chain(&requested).any(|v| !v.is_finite()) {
             return Err(DutyReason::NotFinite);
         }
         let start = *self.start.get_or_insert(pose);
         for (i, (channel, scale)) in self.plant.channels.iter().zip(&self.plant.scale).enumerate() {
             self.pose[i] = difference(channel, pose[i], start[i]) / scale;
-            self.target[i] = difference(channel, wanted[i], start[i]) / scale;
+            self.target[i] = difference(channel, requested[i], start[i]) / scale;
         }
         let refused = target.status() == TargetStatus::Refused;
         let pose_age = activation.time.saturating_sub(*origin) as f64 * 1e-9;

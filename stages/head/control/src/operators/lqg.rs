@@ -218,15 +218,15 @@ fn integrating(plant: &CheckedPlant, drift: f64, period: f64) -> Result<Plant, S
 }
 
 fn identified(name: &str, bytes: &[u8], plant: &CheckedPlant, period: f64) -> Result<Identified, SetupError> {
-    let said = |e: String| SetupError(format!("`model`: {name}: {e}"));
-    let model = InnovationModel::from_json(bytes).map_err(|e| said(e.to_string()))?;
+    let setup_error = |e: String| SetupError(format!("`model`: {name}: {e}"));
+    let model = InnovationModel::from_json(bytes).map_err(|e| setup_error(e.to_string()))?;
     let (Some(channel), 1, 1) =
         (plant.channels.iter().next(), plant.channels.count(), plant.effect.bladders())
     else {
         let (n, m) = (plant.channels.count(), plant.effect.bladders());
-        return Err(said(format!(
+        return Err(setup_error(format!(
             "a model has one input and one output, and `plant` has {m} bladders and {n} channels: hold one channel with one bladder, or remove `model`"
         )));
     };
-    Identified::new(&model, channel.unit(), plant.scale[0], period).map_err(|e| said(e.to_string()))
+    Identified::new(&model, channel.unit(), plant.scale[0], period).map_err(|e| setup_error(e.to_string()))
 }

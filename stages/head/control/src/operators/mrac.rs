@@ -194,9 +194,9 @@ fn refuse_old_rates(params: &MracParams) -> Result<(), ParamConflict> {
     ];
     for (key, new, value) in old {
         if let Some(value) = value {
-            let due = value * p;
+            let expected = value * p;
             let text = format!(
-                "`{}` depended on the rise of the reference model: write `{new}: {due:.3}`, which is the same rate, in 1/s2, at a \
+                "`{}` depended on the rise of the reference model: write `{new}: {expected:.3}`, which is the same rate, in 1/s2, at a \
                  rise of {} s",
                 key.concat(),
                 params.rise
@@ -227,13 +227,14 @@ fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Res
             ));
         }
     };
-    let said = |e: String| SetupError(format!("`model`: {name}: {e}"));
-    let predictor = Predictor::from_safetensors(&setup.file(name)?).map_err(|e| said(e.to_string()))?;
+    let setup_error = |e: String| SetupError(format!("`model`: {name}: {e}"));
+    let predictor =
+        Predictor::from_safetensors(&setup.file(name)?).map_err(|e| setup_error(e.to_string()))?;
     let names = |channels: &mut dyn Iterator<Item = Channel>| {
         channels.map(Channel::name).collect::<Vec<_>>().join(", ")
     };
     if predictor.channels() != &plant.channels || predictor.bladders() != plant.effect.bladders() {
-        return Err(said(format!(
+        return Err(setup_error(format!(
             "it was trained for {} with {} bladders, and `plant` is {} with {}",
             names(&mut predictor.channels().iter()),
             predictor.bladders(),
@@ -243,7 +244,7 @@ fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Res
     }
     let every = setup.every.map_or(0.0, |ns| ns as f64 * 1e-9);
     if every > predictor.sample_time() * 1.001 {
-        return Err(said(format!(
+        return Err(setup_error(format!(
             "its sample time is {} ms: the timer must tick at least as often",
             predictor.sample_time() * 1e3
         )));

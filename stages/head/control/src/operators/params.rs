@@ -39,7 +39,7 @@ impl PerChannel {
     /// One number for each of these channels, all of which must be given and above 0.
     pub fn of(&self, channels: &Channels, param: &str) -> Result<Vec<f64>, SetupError> {
         let all = self.all();
-        let due = |channel: Channel| match all[channel.place()] {
+        let expected = |channel: Channel| match all[channel.place()] {
             Some(value) if value > 0.0 => Ok(value),
             Some(value) => {
                 Err(SetupError(format!("`{param}.{}` is {value}: it must be above 0", channel.name())))
@@ -51,7 +51,7 @@ impl PerChannel {
                 channel.unit()
             ))),
         };
-        channels.iter().map(due).collect()
+        channels.iter().map(expected).collect()
     }
 }
 
@@ -150,14 +150,14 @@ impl PlantParams {
     /// # Errors
     /// What to change.
     pub fn checked(&self) -> Result<CheckedPlant, SetupError> {
-        let said = |what: &str, e: &dyn std::fmt::Display| SetupError(format!("`plant.{what}`: {e}"));
-        let channels = Channels::new(&self.channels).map_err(|e| said("channels", &e))?;
+        let setup_error = |what: &str, e: &dyn std::fmt::Display| SetupError(format!("`plant.{what}`: {e}"));
+        let channels = Channels::new(&self.channels).map_err(|e| setup_error("channels", &e))?;
         let scale = self.scale.of(&channels, "plant.scale")?;
         let mut error_limit = self.error_limit.of(&channels, "plant.error_limit")?;
         error_limit.iter_mut().zip(&scale).for_each(|(limit, scale)| *limit /= scale);
         let known = Rig::of(self.rig, self.head_mass).and_then(|rig| rig.rates());
         let listed = || self.bladders.iter().map(|b| [b.x, b.y, b.z, b.pitch, b.roll, b.yaw]).collect();
-        let rates: Vec<[f64; 6]> = known.map_err(|e| said("rig", &e))?.unwrap_or_else(listed);
+        let rates: Vec<[f64; 6]> = known.map_err(|e| setup_error("rig", &e))?.unwrap_or_else(listed);
         if rates.len() > MOST_BLADDERS {
             let (found, most) = (rates.len(), MOST_BLADDERS);
             return Err(SetupError(format!(
@@ -166,7 +166,7 @@ impl PlantParams {
         }
         let places: Vec<usize> = channels.iter().map(Channel::place).collect();
         let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
-        let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;
+        let effect = Effect::new(b).map_err(|e| setup_error("bladders", &e))?;
         let effect = effect.with_outlet(self.outlet);
         Ok(CheckedPlant { channels, scale, effect, delay: self.delay, error_limit, motion: self.motion })
     }

@@ -160,8 +160,8 @@ proptest! {
             prop_assert!(spectral_radius(&(&a - &b * &found.k)) < 1.0);
             let p = &found.p;
             let across = a.transpose() * p * &b;
-            let again = a.transpose() * p * &a + &q - &across * &found.k;
-            prop_assert!((again - p).norm() <= 1e-8 * p.norm(), "{}", p);
+            let repeated = a.transpose() * p * &a + &q - &across * &found.k;
+            prop_assert!((repeated - p).norm() <= 1e-8 * p.norm(), "{}", p);
         }
     }
 }

@@ -88,8 +88,8 @@ fn even_an_untrained_network_leaves_the_adaptive_loop_stable() {
     let worst = worst_after(&run, 60.0);
     assert!(worst[0] < 0.5 && worst[1] < 0.2 && worst[2] < 0.2, "{worst:?}");
     let last = run.samples::<Diagnostics>("law.diagnostics").last().unwrap().elements.to_vec();
-    let said = last.iter().find(|m| m.name() == "predicted_change_z_m").unwrap().value;
-    assert!(said.is_finite());
+    let message = last.iter().find(|m| m.name() == "predicted_change_z_m").unwrap().value;
+    assert!(message.is_finite());
     // The model is where the head is to be: 11.5 mm above where it was, in the frame of the state, after 70 s.
     let model = last.iter().find(|m| m.name() == "model_z_m").unwrap().value;
     let start = truth(&run)[0].1[0];

@@ -49,13 +49,14 @@ impl Loop {
     /// Goes on by one step; `disturbance` gets the time, the pose and the error.
     fn step(
         &mut self,
-        wanted: [f64; 2],
+        requested: [f64; 2],
         disturbance: impl Fn(f64, &Vector2<f64>, &Vector2<f64>) -> Vector2<f64>,
     ) -> Vector2<f64> {
         let mut net = [0.0; 2];
-        self.tracking.look(self.m.as_slice(), 0.0, &wanted, self.dt);
+        self.tracking.look(self.m.as_slice(), 0.0, &requested, self.dt);
         let error = Vector2::from_column_slice(self.tracking.errors().seen);
-        let learning = self.law.step(self.m.as_slice(), &wanted, &self.tracking.errors(), self.dt, &mut net);
+        let learning =
+            self.law.step(self.m.as_slice(), &requested, &self.tracking.errors(), self.dt, &mut net);
         assert_ne!(learning, Learning::Saturated);
         let d = disturbance(self.time, &self.m, &error);
         self.m += (matrix() * Vector2::from(net) + d) * self.dt;
@@ -70,7 +71,7 @@ const STATE: usize = 2 + 2 + 4 + 4 + 6;
 #[test]
 fn the_law_follows_its_differential_equations() {
     let (learning, leak, pole) = ([3.0, 2.0, 4.0], 0.3, pole_of_rise(2.0));
-    let wanted = Vector2::new(0.3, -0.2);
+    let requested = Vector2::new(0.3, -0.2);
     let drift = |m: &Vector2<f64>| Vector2::new(0.1 - 0.4 * m[0], -0.2 * libm::tanh(m[1]) + 0.1);
     let b = matrix();
     let inverse = b.try_inverse().unwrap();
@@ -78,9 +79,9 @@ fn the_law_follows_its_differential_equations() {
         let (m, model) = (Vector2::new(state[0], state[1]), Vector2::new(state[2], state[3]));
         let e = m - model;
         let phi = [1.0, libm::tanh(m[0]), libm::tanh(m[1])];
-        let regressors: [&[f64]; 3] = [m.as_slice(), wanted.as_slice(), &phi];
+        let regressors: [&[f64]; 3] = [m.as_slice(), requested.as_slice(), &phi];
         let mut slope = SVector::<f64, STATE>::zeros();
-        let mut u = inverse * ((wanted - model) * pole - e * 2.37);
+        let mut u = inverse * ((requested - model) * pole - e * 2.37);
         let drives = inverse * e;
         let mut at = 4;
         for (regressor, rate) in regressors.into_iter().zip(learning) {
@@ -94,7 +95,7 @@ fn the_law_follows_its_differential_equations() {
         }
         let moved = b * u + drift(&m);
         slope.fixed_rows_mut::<2>(0).copy_from(&moved);
-        slope.fixed_rows_mut::<2>(2).copy_from(&((wanted - model) * pole));
+        slope.fixed_rows_mut::<2>(2).copy_from(&((requested - model) * pole));
         slope
     };
     let mut exact = SVector::<f64, STATE>::zeros();
@@ -102,7 +103,7 @@ fn the_law_follows_its_differential_equations() {
     let dt = 5e-4;
     let mut run = Loop::new(design(learning, leak), 2.0, [0.2, 0.0], dt);
     for k in 0..20_000 {
-        run.step(wanted.into(), |_, m, _| drift(m));
+        run.step(requested.into(), |_, m, _| drift(m));
         exact = dormand_prince::step(slope, 0.0, &exact, dt).state;
         let off = (run.m - Vector2::new(exact[0], exact[1])).amax();
         assert!(off < 3e-4, "{k}: {} {exact}", run.m);

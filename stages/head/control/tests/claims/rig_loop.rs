@@ -54,14 +54,14 @@ fn the_adaptive_loop_on_the_rig_follows_the_reference_run() {
         tracking.restart(&[0.0; 3]);
         let mut state = State::at_rest(start, air);
         let (period, end) = (number(&given["Ts"]), number(&given["t_end"]));
-        let wanted = numbers(&given["y_des_scaled"]);
+        let requested = numbers(&given["y_des_scaled"]);
         let (mut net, mut duty) = ([0.0; 3], [0.0; 6]);
         let (mut worst, mut squares) = ([0.0_f64; 3], [0.0_f64; 3]);
         let steps = (end / period).round() as usize;
         for k in 0..steps {
             let m: Vec<f64> = (0..3).map(|i| (state.position[i] - start[i]) / scale[i]).collect();
-            tracking.look(&m, 0.0, &wanted, if k == 0 { 0.0 } else { period });
-            law.step(&m, &wanted, &tracking.errors(), period, &mut net);
+            tracking.look(&m, 0.0, &requested, if k == 0 { 0.0 } else { period });
+            law.step(&m, &requested, &tracking.errors(), period, &mut net);
             let error = DVector::from_column_slice(tracking.errors().seen);
             for i in 0..3 {
                 worst[i] = worst[i].max(error[i].abs());

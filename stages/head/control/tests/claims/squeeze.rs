@@ -23,10 +23,10 @@ operators:
 fn every_law_asks_for_the_pressures_where_bladders_could_squeeze_unseen() {
     for law in ["control.pi", "control.lqg", "control.mrac"] {
         assert_eq!(refusal(law, "[z, pitch, roll]"), None, "{law}");
-        let said = refusal(law, "[z, roll]").unwrap();
+        let message = refusal(law, "[z, roll]").unwrap();
         assert!(
-            said.contains("3 bladders hold 2 channels") && said.contains("valves.state"),
-            "{law}: {said}"
+            message.contains("3 bladders hold 2 channels") && message.contains("valves.state"),
+            "{law}: {message}"
         );
     }
 }

@@ -157,8 +157,8 @@ impl Operator for EstimateKalman {
             self.truths.keep(truth.header.origin, *pose);
         }
         if let Some(report) = activation.fresh::<PoseReport>(REPORT)
-            && let Some(said) = report.first()
-            && let Some(step) = self.hear(said.reference, report.header.origin, activation.time)
+            && let Some(reported) = report.first()
+            && let Some(step) = self.receive(reported.reference, report.header.origin, activation.time)
         {
             return send(&step, outputs);
         }
@@ -176,7 +176,7 @@ impl Operator for EstimateKalman {
 impl EstimateKalman {
     /// Takes the reference of the pose that was acquired at `origin`, ns. Pose and report belong to one activation, and
     /// either may come first: a pose that was already used is processed again.
-    fn hear(&mut self, reference: u32, origin: u64, time: u64) -> Option<FilterOutput> {
+    fn receive(&mut self, reference: u32, origin: u64, time: u64) -> Option<FilterOutput> {
         let before = std::mem::replace(&mut self.reference, reference);
         if before == 0 || before == reference {
             return None;

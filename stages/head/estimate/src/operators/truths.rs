@@ -3,12 +3,12 @@
 use stillpoint_samples::PoseElement;
 
 /// Frames that are kept: more than can be on their way through the stages before a filter.
-const KEPT: usize = 16;
+const RETAINED: usize = 16;
 
 /// A ring of true poses.
 #[derive(Default)]
 pub struct Truths {
-    ring: [Option<(u64, PoseElement)>; KEPT],
+    ring: [Option<(u64, PoseElement)>; RETAINED],
     next: usize,
 }
 
@@ -16,7 +16,7 @@ impl Truths {
     /// Keeps the true pose of a frame, in place of the oldest.
     pub fn keep(&mut self, origin: u64, truth: PoseElement) {
         self.ring[self.next] = Some((origin, truth));
-        self.next = (self.next + 1) % KEPT;
+        self.next = (self.next + 1) % RETAINED;
     }
 
     /// The true pose of the frame acquired at `origin`, ns.

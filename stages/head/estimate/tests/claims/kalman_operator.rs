@@ -68,8 +68,8 @@ operators:
 const LATER: i64 = 10_000_000;
 
 fn report(bench: &mut Bench, reference: u32, age: i64) -> Option<TrackElement> {
-    let said = PoseReportElement { reference, ..zerocopy::FromZeros::new_zeroed() };
-    let left = bench.feed::<PoseReport>(2, &(), &[said], age);
+    let reported = PoseReportElement { reference, ..zerocopy::FromZeros::new_zeroed() };
+    let left = bench.feed::<PoseReport>(2, &(), &[reported], age);
     assert_eq!(left.fault, None);
     track(&left)
 }
@@ -258,8 +258,8 @@ fn how_far_a_clock_may_be_ahead_is_a_parameter() {
 #[test]
 fn a_frame_that_comes_again_is_counted_as_repeated() {
     let mut bench = bench(TEXT);
-    let again = pose([0.5, 0.1, 0.2], 1e-3);
-    let repeats: Vec<u64> = (0..4).map(|_| feed(&mut bench, again).unwrap().repeated).collect();
+    let second = pose([0.5, 0.1, 0.2], 1e-3);
+    let repeats: Vec<u64> = (0..4).map(|_| feed(&mut bench, second).unwrap().repeated).collect();
     assert_eq!(repeats, [0, 1, 2, 3]);
     assert_eq!(feed(&mut bench, pose([0.5, 0.1, 0.2 + 1e-9], 1e-3)).unwrap().repeated, 0);
 }

@@ -14,6 +14,6 @@ mod walk;
 
 pub use cut::cut;
 pub use files::{Bag, OpenError};
-pub use select::{At, Selection, Wanted, select};
+pub use select::{At, Selected, Selection, select};
 pub use topics::{Reading, check};
 pub use walk::Message;

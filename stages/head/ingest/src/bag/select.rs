@@ -12,7 +12,7 @@ pub type At = (usize, u64);
 
 /// What of a recording is wanted.
 #[derive(Clone, Debug)]
-pub struct Wanted<'a> {
+pub struct Selected<'a> {
     /// Topic of clouds or of depth images.
     pub topic: &'a str,
     /// Topic of the images' camera; where it is not given, it is looked for beside them.
@@ -31,12 +31,12 @@ pub struct Selection {
     /// Those that are skipped.
     pub skipped: Vec<At>,
     /// Those that are read, in the order of their log times.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<SelectedMessage>,
 }
 
 /// A message that is read.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct SelectedMessage {
     /// The message.
     pub at: At,
     /// Time at which it was recorded, ns.
@@ -59,14 +59,14 @@ struct Info {
 ///
 /// # Errors
 /// A topic that is missing or of another type, a damaged file, or nothing left to read.
-pub fn select(bag: &Bag, wanted: &Wanted<'_>) -> Result<Selection, String> {
-    let Named { reading, camera_info } = check(bag, wanted.topic, wanted.camera_info)?;
+pub fn select(bag: &Bag, selected: &Selected<'_>) -> Result<Selection, String> {
+    let Named { reading, camera_info } = check(bag, selected.topic, selected.camera_info)?;
     let (mut all, mut infos) = (Vec::new(), Vec::new());
     for message in bag.messages() {
         let (at, message) = message?;
         let log_time = message.header.log_time;
         let (stamp, frame) = header_of(&message.data);
-        if is_named(&message.channel, wanted.topic) {
+        if is_named(&message.channel, selected.topic) {
             all.push((log_time, at, stamp, frame));
         } else if camera_info.as_ref().is_some_and(|topic| message.channel.topic == *topic) {
             infos.push(Info { log_time, at, stamp, frame });
@@ -87,21 +87,21 @@ pub fn select(bag: &Bag, wanted: &Wanted<'_>) -> Result<Selection, String> {
             if own.is_empty() { infos.iter().collect() } else { own }
         });
     }
-    let most = wanted.frames.unwrap_or(usize::MAX);
-    let read = all.iter().skip(wanted.skip).take(most);
-    let frames: Vec<Frame> = read
+    let most = selected.frames.unwrap_or(usize::MAX);
+    let read = all.iter().skip(selected.skip).take(most);
+    let frames: Vec<SelectedMessage> = read
         .map(|(log_time, at, stamp, frame)| {
             let equal = stamp.and_then(|stamp| by_stamp.get(&stamp)).map_or(&[][..], Vec::as_slice);
             let own = equal.iter().find(|info| is_of_frame(info, frame)).copied();
             let of_frame = by_frame.get(frame.as_str()).map_or(&[][..], Vec::as_slice);
             let camera = own.or_else(|| by_time(of_frame, *log_time)).map(|info| info.at);
-            Frame { at: *at, log_time: *log_time, camera }
+            SelectedMessage { at: *at, log_time: *log_time, camera }
         })
         .collect();
     if frames.is_empty() {
-        return Err(format!("all {} messages of {} are skipped: lower `skip`", all.len(), wanted.topic));
+        return Err(format!("all {} messages of {} are skipped: lower `skip`", all.len(), selected.topic));
     }
-    let skipped = all.iter().take(wanted.skip).map(|(_, at, ..)| *at).collect();
+    let skipped = all.iter().take(selected.skip).map(|(_, at, ..)| *at).collect();
     Ok(Selection { reading, skipped, frames })
 }
 

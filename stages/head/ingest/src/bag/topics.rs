@@ -98,7 +98,7 @@ pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named,
     };
     let asked = match camera_info {
         Some(name) => vec![name.to_owned()],
-        None => beside(&kind.topic),
+        None => sibling(&kind.topic),
     };
     let infos = with(CAMERA_INFO);
     match asked.iter().find(|name| infos.contains(&name.as_str())) {
@@ -118,7 +118,7 @@ pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named,
 
 /// Where the `CameraInfo` of an image is looked for: beside it in its namespace, as image_transport has it, and below it,
 /// as sessions have it.
-fn beside(topic: &str) -> Vec<String> {
+fn sibling(topic: &str) -> Vec<String> {
     let of = |image: &str| {
         let namespace = image.rsplit_once('/').map_or("", |(namespace, _)| namespace);
         [format!("{namespace}/camera_info"), format!("{image}/camera_info")]

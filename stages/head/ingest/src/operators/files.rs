@@ -3,7 +3,7 @@
 use stillpoint_operator::files::Files;
 use stillpoint_operator::{Setup, SetupError};
 
-use crate::checks::{Fault, Kept};
+use crate::checks::{Checked, Fault};
 
 /// A file of a recording, as it is on disk.
 pub struct RecordedFile {
@@ -24,7 +24,7 @@ pub fn read<T>(
     strict: bool,
     look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
 ) -> Result<Vec<(RecordedFile, T)>, SetupError> {
-    kept(setup.files, path, strict, look).map(|kept| kept.items).map_err(SetupError)
+    checked(setup.files, path, strict, look).map(|checked| checked.items).map_err(SetupError)
 }
 
 /// What a run says about the files that `path` names; nothing where they cannot be read, which their operator says.
@@ -34,15 +34,15 @@ pub fn remarks<T>(
     strict: bool,
     look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
 ) -> Vec<String> {
-    let kept = kept(files, path, strict, look);
-    let remark = kept.ok().and_then(|kept| kept.remark("files"));
+    let checked = checked(files, path, strict, look);
+    let remark = checked.ok().and_then(|checked| checked.remark("files"));
     remark.into_iter().map(|remark| format!("{path}: {remark}")).collect()
 }
 
 /// The files that `look` finds nothing wrong with, each with what it made of them.
-type Looked<T> = Kept<(RecordedFile, T)>;
+type Looked<T> = Checked<(RecordedFile, T)>;
 
-fn kept<T>(
+fn checked<T>(
     files: &dyn Files,
     path: &str,
     strict: bool,
@@ -59,7 +59,7 @@ fn kept<T>(
             Err(Fault::Params(e)) => Err(Fault::Params(named(&e))),
         }
     });
-    Kept::of(each, strict)
+    Checked::of(each, strict)
 }
 
 /// Refuses more points or pixels than the parameter of this name allows.

@@ -11,7 +11,7 @@ use super::playback::Pace;
 use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
 use super::unit::Unit;
-use crate::bag::{Bag, Reading, Wanted};
+use crate::bag::{Bag, Reading, Selected};
 use crate::camera_info::Image;
 
 const CLOUD: usize = 0;
@@ -92,17 +92,17 @@ impl Operator for IngestMcap {
     }
 
     fn cut_files(params: &[&McapParams], files: &dyn Files) -> Result<BTreeMap<String, Vec<u8>>, SetupError> {
-        let wanted: Vec<_> = params.iter().map(|params| (params.file.as_str(), wanted(params))).collect();
-        recording::cut(&wanted, files)
+        let selected: Vec<_> = params.iter().map(|params| (params.file.as_str(), selected(params))).collect();
+        recording::cut(&selected, files)
     }
 
     fn remarks(params: &McapParams, files: &dyn Files) -> Vec<String> {
-        recording::remarks(files, &params.file, &wanted(params), &play(params))
+        recording::remarks(files, &params.file, &selected(params), &play(params))
     }
 
     fn new(params: McapParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let bag = Bag::open(setup.files, &params.file).map_err(|e| e.to_string());
-        let read = bag.and_then(|bag| Recording::read(&bag, &wanted(&params), &play(&params)));
+        let read = bag.and_then(|bag| Recording::read(&bag, &selected(&params), &play(&params)));
         let read = read.map_err(|e| SetupError(format!("{}: {e}", params.file)))?;
         match (params.pace, read.period(), setup.every) {
             (Pace::Recorded, Some(period), Some(every)) if every > period => Err(SetupError(format!(
@@ -123,8 +123,8 @@ impl Operator for IngestMcap {
     }
 }
 
-fn wanted(params: &McapParams) -> Wanted<'_> {
-    Wanted {
+fn selected(params: &McapParams) -> Selected<'_> {
+    Selected {
         topic: &params.topic,
         camera_info: params.camera_info.as_deref(),
         skip: params.skip as usize,

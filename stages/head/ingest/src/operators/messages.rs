@@ -25,7 +25,7 @@ pub enum MessageError {
     Depth(#[from] DepthMessageError),
     /// The image and its camera are in two frames.
     #[error("{0}")]
-    Frame(String),
+    SelectedMessage(String),
     /// Its points are in another unit.
     #[error("{0}")]
     Scale(String),
@@ -201,7 +201,7 @@ impl Form {
         let Some(camera) = camera else { return Ok(Read::Image(image, [0, 0], &[])) };
         let frame =
             Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header()).map_or("", |(_, f)| f);
-        checks::same_frame(frame, &camera.frame).map_err(MessageError::Frame)?;
+        checks::same_frame(frame, &camera.frame).map_err(MessageError::SelectedMessage)?;
         Ok(Read::Image(image, camera.size, &camera.rays))
     }
 

@@ -20,7 +20,7 @@ pub enum Due {
     /// Nothing yet.
     Wait,
     /// The message of this number, with its time of acquisition in session time, ns, where it is not the tick.
-    Frame(usize, Option<u64>),
+    SelectedMessage(usize, Option<u64>),
     /// There are no more.
     End,
 }
@@ -57,7 +57,7 @@ impl Playback {
     /// the next ones, with its own time.
     pub fn at(&mut self, now: u64) -> Due {
         if self.pace == Pace::Ticks {
-            return self.turn.take().map_or(Due::End, |frame| Due::Frame(frame, None));
+            return self.turn.take().map_or(Due::End, |frame| Due::SelectedMessage(frame, None));
         }
         let begin = *self.begin.get_or_insert(now);
         let (Some(next), round) = self.turn.peek() else { return Due::End };
@@ -74,7 +74,7 @@ impl Playback {
             return Due::Wait;
         }
         self.begin = Some(begin);
-        self.turn.take().map_or(Due::End, |frame| Due::Frame(frame, Some(time)))
+        self.turn.take().map_or(Due::End, |frame| Due::SelectedMessage(frame, Some(time)))
     }
 }
 
@@ -85,7 +85,10 @@ mod tests {
     #[test]
     fn a_recording_at_ticks_is_one_message_each() {
         let mut play = Playback::new(&[5, 9], Pace::Ticks, AtEnd::Stop);
-        assert_eq!([0, 7, 9].map(|t| play.at(t)), [Due::Frame(0, None), Due::Frame(1, None), Due::End]);
+        assert_eq!(
+            [0, 7, 9].map(|t| play.at(t)),
+            [Due::SelectedMessage(0, None), Due::SelectedMessage(1, None), Due::End]
+        );
     }
 
     #[test]
@@ -93,7 +96,7 @@ mod tests {
         let mut play = Playback::new(&[1_000, 1_033, 1_067, 1_100], Pace::Recorded, AtEnd::Stop);
         assert_eq!(play.period(), Some(33));
         let due = [50, 60, 82, 83, 151, 151, 160].map(|t| play.at(t));
-        let frame = |n, t| Due::Frame(n, Some(t));
+        let frame = |n, t| Due::SelectedMessage(n, Some(t));
         assert_eq!(
             due,
             [frame(0, 50), Due::Wait, Due::Wait, frame(1, 83), frame(2, 117), frame(3, 150), Due::End]
@@ -105,13 +108,16 @@ mod tests {
         let mut play = Playback::new(&[0, 10, 20], Pace::Recorded, AtEnd::Repeat);
         let sent: Vec<u64> = (0..=70)
             .filter_map(|t| match play.at(t) {
-                Due::Frame(_, time) => time,
+                Due::SelectedMessage(_, time) => time,
                 _ => None,
             })
             .collect();
         assert_eq!(sent, [0, 10, 20, 30, 40, 50, 60, 70]);
         // One message: each tick is a round.
         let mut one = Playback::new(&[7], Pace::Recorded, AtEnd::Repeat);
-        assert_eq!([3, 4].map(|t| one.at(t)), [Due::Frame(0, Some(3)), Due::Frame(0, Some(4))]);
+        assert_eq!(
+            [3, 4].map(|t| one.at(t)),
+            [Due::SelectedMessage(0, Some(3)), Due::SelectedMessage(0, Some(4))]
+        );
     }
 }

@@ -8,10 +8,10 @@ use stillpoint_operator::{Files, Outputs, SetupError, StepError};
 use super::messages::{Cameras, CamerasError, Form, MessageError};
 use super::playback::{Due, Pace, Playback};
 use super::turn::AtEnd;
-use crate::bag::{self, At, Bag, OpenError, Reading, Selection, Wanted};
+use crate::bag::{self, At, Bag, OpenError, Reading, Selected, Selection};
 use crate::camera_info::Image;
-use crate::checks::{self, Fault, Kept};
-use crate::wire::{Admission, Counts, Refusal};
+use crate::checks::{self, Checked, Fault};
+use crate::wire::{Admission, Counts, WireRefusal};
 
 /// Largest size of all messages together: 1 GiB.
 const MOST_BYTES: usize = 1 << 30;
@@ -39,7 +39,7 @@ struct Played {
 #[derive(Clone, Debug, Default)]
 struct Since {
     camera_infos: u64,
-    refused: Vec<Refusal>,
+    refused: Vec<WireRefusal>,
 }
 
 /// How a recording is read and played.
@@ -68,17 +68,17 @@ impl Recording {
     ///
     /// # Errors
     /// What is missing or wrong.
-    pub fn read(bag: &Bag, wanted: &Wanted<'_>, play: &Play<'_>) -> Result<Self, String> {
-        let selection = bag::select(bag, wanted)?;
+    pub fn read(bag: &Bag, selected: &Selected<'_>, play: &Play<'_>) -> Result<Self, String> {
+        let selection = bag::select(bag, selected)?;
         let form = Form { reading: selection.reading, ..play.form };
         let mut bytes = bytes_of(bag, &selection)?;
-        let mut cameras = Cameras::of_topic(wanted.topic, play.image, play.max_points);
+        let mut cameras = Cameras::of_topic(selected.topic, play.image, play.max_points);
         let (mut times, mut scratch, mut since) = (Vec::new(), Vec::new(), Since::default());
         let mut last_camera = None;
         let mut items = Vec::new();
         for (place, frame) in selection.frames.iter().enumerate() {
             // The number that `skip` counts.
-            let by_time = wanted.skip + place + 1;
+            let by_time = selected.skip + place + 1;
             let named = |e: &str| format!("message {by_time} by time: {e}");
             let message = bytes.remove(&frame.at).unwrap_or_default();
             if frame.camera.is_some() && frame.camera != last_camera {
@@ -92,7 +92,8 @@ impl Recording {
                     }
                     None => 0,
                 };
-                let mut stamp = stamp_of(&message).map_err(|e| (Fault::Item(e), Some(Refusal::Damaged)))?;
+                let mut stamp =
+                    stamp_of(&message).map_err(|e| (Fault::Item(e), Some(WireRefusal::Damaged)))?;
                 if let Some(wire) = &play.wire {
                     let admitted = wire.admit(&message, frame.log_time);
                     stamp = admitted.map_err(|e| (Fault::Item(e.reason().to_owned()), Some(e)))?;
@@ -115,19 +116,19 @@ impl Recording {
                 }
             });
         }
-        let kept = Kept::of(items, play.strict)?;
+        let checked = Checked::of(items, play.strict)?;
         let origins = origins(&times);
         if play.pace == Pace::Recorded {
             checks::gaps(&origins, play.max_gap)?;
         }
-        let mut remarks: Vec<String> = kept.remark("messages").into_iter().collect();
+        let mut remarks: Vec<String> = checked.remark("messages").into_iter().collect();
         remarks.extend(bag.repeated.iter().map(|name| {
             format!(
                 "{} is listed more than once in its metadata.yaml, and is played once",
                 checks::quoted(name)
             )
         }));
-        let mut frames = kept.items;
+        let mut frames = checked.items;
         if let Some(last) = frames.last_mut() {
             last.since.camera_infos += since.camera_infos;
             last.since.refused.append(&mut since.refused);
@@ -164,7 +165,7 @@ impl Recording {
                 outputs.finish();
                 Ok(false)
             }
-            Due::Frame(number, time) => {
+            Due::SelectedMessage(number, time) => {
                 if let Some(time) = time {
                     outputs.acquired_at(time);
                 }
@@ -191,39 +192,39 @@ fn bytes_of(bag: &Bag, selection: &Selection) -> Result<BTreeMap<At, Vec<u8>>, S
     let mut total = 0;
     for message in bag.messages() {
         let (at, message) = message?;
-        let Some(kept) = bytes.get_mut(&at) else { continue };
+        let Some(checked) = bytes.get_mut(&at) else { continue };
         total += message.data.len();
         if total > MOST_BYTES {
             return Err("its messages take more than 1 GiB of memory: set `frames`".to_string());
         }
-        *kept = message.data;
+        *checked = message.data;
     }
     Ok(bytes)
 }
 
 /// Whose fault it is that a `CameraInfo` is not taken.
-fn of_camera(error: CamerasError) -> (Fault, Option<Refusal>) {
+fn of_camera(error: CamerasError) -> (Fault, Option<WireRefusal>) {
     let text = format!("its CameraInfo: {error}{}", cure(&error));
     match error {
-        CamerasError::Info(_) => (Fault::Item(text), Some(Refusal::CameraInfo)),
+        CamerasError::Info(_) => (Fault::Item(text), Some(WireRefusal::CameraInfo)),
         CamerasError::TooMany | CamerasError::TooLarge { .. } => (Fault::Params(text), None),
     }
 }
 
 /// Whose fault it is that a message becomes no cloud.
-fn of_message(error: MessageError) -> (Fault, Option<Refusal>) {
+fn of_message(error: MessageError) -> (Fault, Option<WireRefusal>) {
     let text = error.to_string();
     match error {
         MessageError::TooLarge { .. } | MessageError::Scale(_) | MessageError::Step(_) => {
             (Fault::Params(text), None)
         }
-        other => (Fault::Item(text), Refusal::of(&other)),
+        other => (Fault::Item(text), WireRefusal::of(&other)),
     }
 }
 
 /// The remarks about a recording that is read with these parameters; none where it cannot be read, which its operator says.
-pub fn remarks(files: &dyn Files, file: &str, wanted: &Wanted<'_>, play: &Play<'_>) -> Vec<String> {
-    let read = Bag::open(files, file).ok().and_then(|bag| Recording::read(&bag, wanted, play).ok());
+pub fn remarks(files: &dyn Files, file: &str, selected: &Selected<'_>, play: &Play<'_>) -> Vec<String> {
+    let read = Bag::open(files, file).ok().and_then(|bag| Recording::read(&bag, selected, play).ok());
     read.map_or_else(Vec::new, |read| read.remarks().into_iter().map(|r| format!("{file}: {r}")).collect())
 }
 
@@ -250,19 +251,19 @@ pub fn check(
 /// # Errors
 /// A recording that cannot be read.
 pub fn cut(
-    wanted: &[(&str, Wanted<'_>)],
+    selected: &[(&str, Selected<'_>)],
     files: &dyn Files,
 ) -> Result<BTreeMap<String, Vec<u8>>, SetupError> {
-    let mut by_place = BTreeMap::<&str, Vec<&Wanted<'_>>>::new();
-    for (file, wanted) in wanted {
-        by_place.entry(file).or_default().push(wanted);
+    let mut by_place = BTreeMap::<&str, Vec<&Selected<'_>>>::new();
+    for (file, selected) in selected {
+        by_place.entry(file).or_default().push(selected);
     }
     let (mut cut, mut seen, mut twice) = (BTreeMap::new(), BTreeSet::new(), BTreeSet::new());
-    for (place, wanted) in by_place {
+    for (place, selected) in by_place {
         let fault = |e: String| SetupError(format!("{place}: {e}"));
         let bag = Bag::open(files, place).map_err(|e| fault(e.to_string()))?;
         let selections: Result<Vec<Selection>, String> =
-            wanted.into_iter().map(|wanted| bag::select(&bag, wanted)).collect();
+            selected.into_iter().map(|selected| bag::select(&bag, selected)).collect();
         let parts = bag::cut(&bag, &selections.map_err(fault)?).map_err(fault)?;
         for ((name, part), (_, whole)) in parts.into_iter().zip(&bag.files) {
             if !seen.insert(name.clone()) {

@@ -14,9 +14,9 @@ use super::playback::Pace;
 use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
 use super::unit::Unit;
-use crate::bag::{Bag, Reading, Wanted};
+use crate::bag::{Bag, Reading, Selected};
 use crate::camera_info::Image;
-use crate::wire::{Accepted, Admission, Clock, Counts, Intake, Refusal};
+use crate::wire::{Accepted, Admission, Clock, Counts, Intake, WireRefusal};
 
 const CLOUD: usize = 0;
 const DIAGNOSTICS: usize = 1;
@@ -117,15 +117,15 @@ impl Ros2Params {
         if self.messages == MessageType::Cloud {
             return None;
         }
-        let beside = || {
+        let sibling = || {
             // A transport stands behind the name of the image.
             let image = match self.topic.rsplit_once('/') {
                 Some((image, "compressedDepth" | "compressed")) => image,
                 _ => &self.topic,
             };
-            Some(TopicName::parse(image).ok()?.beside("camera_info").ok()?.as_str().to_owned())
+            Some(TopicName::parse(image).ok()?.sibling("camera_info").ok()?.as_str().to_owned())
         };
-        self.camera_info.clone().or_else(beside)
+        self.camera_info.clone().or_else(sibling)
     }
 
     fn longest(&self) -> usize {
@@ -133,8 +133,8 @@ impl Ros2Params {
         self.max_bytes.map_or(self.max_points as usize * each + HEADROOM, |bytes| bytes as usize)
     }
 
-    fn wanted(&self) -> Wanted<'_> {
-        Wanted {
+    fn selected(&self) -> Selected<'_> {
+        Selected {
             topic: &self.topic,
             // As it is recorded, it may stand beside the image in two ways.
             camera_info: self.camera_info.as_deref(),
@@ -255,8 +255,9 @@ impl Operator for IngestRos2 {
     }
 
     fn cut_files(params: &[&Ros2Params], files: &dyn Files) -> Result<BTreeMap<String, Vec<u8>>, SetupError> {
-        let wanted = params.iter().filter_map(|params| Some((params.recording.as_deref()?, params.wanted())));
-        recording::cut(&wanted.collect::<Vec<_>>(), files)
+        let selected =
+            params.iter().filter_map(|params| Some((params.recording.as_deref()?, params.selected())));
+        recording::cut(&selected.collect::<Vec<_>>(), files)
     }
 
     fn subscriptions(params: &Ros2Params) -> Vec<Subscription> {
@@ -281,13 +282,13 @@ impl Operator for IngestRos2 {
             )));
         };
         let bag = Bag::open(setup.files, file).map_err(|e| e.to_string());
-        let read = bag.and_then(|bag| Recording::read(&bag, &params.wanted(), &params.play()));
+        let read = bag.and_then(|bag| Recording::read(&bag, &params.selected(), &params.play()));
         let recording = Box::new(read.map_err(|e| SetupError(format!("{file}: {e}")))?);
         Ok(Self { form, from: From::Recording { recording, counts: Counts::default() } })
     }
 
     fn remarks(params: &Ros2Params, files: &dyn Files) -> Vec<String> {
-        let of = |file: &String| recording::remarks(files, file, &params.wanted(), &params.play());
+        let of = |file: &String| recording::remarks(files, file, &params.selected(), &params.play());
         params.recording.as_ref().map_or_else(Vec::new, of)
     }
 
@@ -324,7 +325,7 @@ fn take(
 ) -> Result<(), StepError> {
     if let Ok(Some(Accepted { message, camera, acquired })) = intake.accept(bytes, now) {
         let made = form.send(message, intake.cameras().get(camera), CLOUD, outputs);
-        match made.as_ref().map_err(Refusal::of) {
+        match made.as_ref().map_err(WireRefusal::of) {
             Ok(()) => {
                 outputs.acquired_at(acquired);
                 intake.counts.clouds += 1;

@@ -49,8 +49,8 @@ mod tests {
     #[test]
     fn millimetres_are_recognised_and_become_metres() {
         let points = [[0.0, 0.0, 430.0], INVALID_POINT, [100.0, 0.0, 500.0]];
-        let said = Unit::M.check(&points).unwrap_err();
-        assert!(said.contains("430 m") && said.contains("unit: mm"), "{said}");
+        let message = Unit::M.check(&points).unwrap_err();
+        assert!(message.contains("430 m") && message.contains("unit: mm"), "{message}");
         assert!(Unit::Mm.check(&points).is_ok());
         assert!(Unit::M.check(&[INVALID_POINT]).is_ok() && Unit::M.check(&[[0.0, 0.0, 1.2]]).is_ok());
         assert_eq!(Unit::Mm.in_metres(points[0]), [0.0, 0.0, 0.43]);

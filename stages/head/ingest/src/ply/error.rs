@@ -13,14 +13,14 @@ pub enum PlyError {
     #[error("its lines end with CR alone, as on old Macs: convert them to LF")]
     CarriageReturns,
     /// A line of the header is none of PLY.
-    #[error("line {line} of the header is `{found}`: {due}")]
+    #[error("line {line} of the header is `{found}`: {allowed}")]
     Header {
         /// The line.
         line: usize,
         /// The start of the text found.
         found: String,
         /// What is wrong with it.
-        due: &'static str,
+        allowed: &'static str,
     },
     /// The header does not end.
     #[error("its header has no `end_header` in its {lines} lines")]

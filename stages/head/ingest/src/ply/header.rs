@@ -147,7 +147,7 @@ impl Header {
             offset += (length + 1).min(rest.len());
             let text = String::from_utf8_lossy(&rest[..length]);
             let words: Vec<&str> = text.split_ascii_whitespace().collect();
-            let refuse = |due| Err(PlyError::Header { line, found: quoted(text.trim()), due });
+            let refuse = |allowed| Err(PlyError::Header { line, found: quoted(text.trim()), allowed });
             match (line, &words[..]) {
                 (1, ["ply"]) => {}
                 (1, _) => return Err(PlyError::NoPly(quoted(text.trim()))),

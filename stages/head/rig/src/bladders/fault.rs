@@ -52,14 +52,14 @@ impl Fault {
 
 /// What a person says to a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Said {
+pub enum FaultText {
     /// Begin this fault, for this many ns, or until it is removed.
     Break(Fault, Option<u64>),
     /// Remove all faults that people began.
     Mend,
 }
 
-impl Said {
+impl FaultText {
     /// What a command says: fault, part, amount and seconds, as far as they are given.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl Said {
     }
 }
 
-impl Said {
+impl FaultText {
     /// Refuses a part that a rig of so many bladders does not have.
     ///
     /// # Errors
@@ -154,20 +154,20 @@ impl Scheduled {
 mod tests {
     use super::*;
 
-    fn said(values: &[f64]) -> Result<Said, String> {
+    fn reported(values: &[f64]) -> Result<FaultText, String> {
         let mut command = Command { given: values.len() as u32, ..Command::default() };
         command.values[..values.len()].copy_from_slice(values);
-        Said::of(&command)
+        FaultText::of(&command)
     }
 
     #[test]
     fn a_command_says_what_breaks_and_for_how_long() {
         let leak = Fault::Leak { bladder: 2, diameter: 1e-3 };
-        assert_eq!(said(&[2.0, 2.0, 1e-3, 1.5]), Ok(Said::Break(leak, Some(1_500_000_000))));
-        assert_eq!(said(&[1.0, 5.0]), Ok(Said::Break(Fault::StuckValve { valve: 5 }, None)));
-        assert_eq!(said(&[4.0, 0.0, 0.8]), Ok(Said::Break(Fault::WeakSupply { left: 0.8 }, None)));
-        assert_eq!(said(&[16.0]), Ok(Said::Break(Fault::SilentCamera, None)));
-        assert_eq!(said(&[0.0]), Ok(Said::Mend));
+        assert_eq!(reported(&[2.0, 2.0, 1e-3, 1.5]), Ok(FaultText::Break(leak, Some(1_500_000_000))));
+        assert_eq!(reported(&[1.0, 5.0]), Ok(FaultText::Break(Fault::StuckValve { valve: 5 }, None)));
+        assert_eq!(reported(&[4.0, 0.0, 0.8]), Ok(FaultText::Break(Fault::WeakSupply { left: 0.8 }, None)));
+        assert_eq!(reported(&[16.0]), Ok(FaultText::Break(Fault::SilentCamera, None)));
+        assert_eq!(reported(&[0.0]), Ok(FaultText::Mend));
     }
 
     #[test]
@@ -183,7 +183,7 @@ mod tests {
             &[8.0, 0.0, 0.0, f64::INFINITY],
         ];
         for values in bad {
-            assert!(said(values).is_err(), "{values:?}");
+            assert!(reported(values).is_err(), "{values:?}");
         }
     }
 }

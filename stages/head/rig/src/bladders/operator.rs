@@ -13,12 +13,12 @@ use stillpoint_samples::{
     Cause, Command, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
 };
 
-use super::fault::{Fault, Said};
+use super::fault::{Fault, FaultText};
 use super::params::BladderParams;
 use super::rigs;
 use super::simulation::{Mobility, Rig};
+use crate::camera_view::{COUCH, CameraView, exact_pose, refusal};
 use crate::setting;
-use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
 const DUTIES: usize = 0;
 const FAULT: usize = 1;
@@ -39,7 +39,7 @@ const CAMERA_LAP: usize = 1;
 /// duties, which act from this tick on. If no duties came for `time_to_live`, the rig goes to its safe state by itself.
 pub struct BladderRig<const RIG: usize> {
     rig: Box<dyn Rig>,
-    sight: Sight,
+    camera_view: CameraView,
     /// Where the head is seen at the start.
     rest: Isometry3<f64>,
     /// Ticks of the timer from one image to the next.
@@ -48,7 +48,7 @@ pub struct BladderRig<const RIG: usize> {
     /// Number of the next image.
     next_image: u64,
     /// What `diagnostics` said last.
-    said: Option<Mobility>,
+    reported: Option<Mobility>,
     /// Time of the first tick and its number.
     begin: Option<(u64, u64)>,
 }
@@ -142,12 +142,12 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         let rig = rigs::simulated(&RIGS[RIG], params.setup(every)?).map_err(refusal)?;
         Ok(Self {
             rig,
-            sight: Sight::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
+            camera_view: CameraView::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
             rest: setting::Setting::from(params.setting).rest(params.head_scale),
             ticks_per_image: params.camera.every / every.max(1),
             lost: params.camera.lost,
             next_image: 0,
-            said: None,
+            reported: None,
             begin: None,
         })
     }
@@ -186,18 +186,18 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
         outputs.send::<RigState>(STATE, &self.rig.state())?;
         outputs.send::<Contacts>(CONTACTS, &self.rig.contacts())?;
-        self.tell(outputs)
+        self.report(outputs)
     }
 }
 
 impl<const RIG: usize> BladderRig<RIG> {
     /// How the contacts hold the head, when that has changed.
-    fn tell(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    fn report(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let found = self.rig.mobility();
-        if self.said == Some(found) {
+        if self.reported == Some(found) {
             return Ok(());
         }
-        self.said = Some(found);
+        self.reported = Some(found);
         let Mobility { count, touching, sliding } = found;
         let metrics: [Metric; METRICS] = [
             Metric::new("mobility", count as f64),
@@ -211,11 +211,11 @@ impl<const RIG: usize> BladderRig<RIG> {
     fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
         let command = activation.fresh::<ConsoleCommand>(FAULT);
         let Some(command) = command.as_ref().and_then(|view| view.first()) else { return Ok(()) };
-        match Said::of(command).map_err(StepError)? {
-            Said::Break(fault, lasts) => {
+        match FaultText::of(command).map_err(StepError)? {
+            FaultText::Break(fault, lasts) => {
                 self.rig.break_now(fault, lasts).map_err(|e| StepError(e.to_string()))
             }
-            Said::Mend => {
+            FaultText::Mend => {
                 self.rig.mend();
                 Ok(())
             }
@@ -240,10 +240,10 @@ impl<const RIG: usize> BladderRig<RIG> {
             return Ok(());
         }
         if faults & Fault::BlindCamera.bit() != 0 {
-            return self.sight.send_blind(outputs, DEPTH);
+            return self.camera_view.send_blind(outputs, DEPTH);
         }
-        self.sight.freeze(faults & Fault::FrozenCamera.bit() != 0);
-        self.sight.send(couch_from_head, activation, outputs, DEPTH)
+        self.camera_view.freeze(faults & Fault::FrozenCamera.bit() != 0);
+        self.camera_view.send(couch_from_head, activation, outputs, DEPTH)
     }
 }
 
@@ -263,5 +263,5 @@ fn scripted(line: &serde_json::Value, bladders: usize) -> Result<(), String> {
         *to = value;
         command.given += 1;
     }
-    Said::of(&command)?.check(bladders)
+    FaultText::of(&command)?.check(bladders)
 }

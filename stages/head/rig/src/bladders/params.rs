@@ -3,13 +3,13 @@
 use stillpoint_operator::SetupError;
 use stillpoint_operator::{Choice, Params};
 
-use super::fault::{Fault, Said, Scheduled};
+use super::fault::{Fault, FaultText, Scheduled};
 use super::hardware::Imperfections;
 use super::rigs;
 use super::safety;
 use super::simulation::{Push, Surroundings};
+use crate::camera_view::{ImageParams, Noise, Setting, refusal};
 use crate::involuntary::{Habit, Involuntary};
-use crate::sight::{ImageParams, Noise, Setting, refusal};
 
 /// What the person does without wanting to.
 #[derive(Clone, Copy, Debug, Choice)]
@@ -210,7 +210,7 @@ impl BladderParams {
     /// Refuses faults of valves and bladders that a rig of so many bladders does not have.
     pub fn check_faults(&self, bladders: usize) -> Result<(), String> {
         let mut all = self.faults.iter().flatten().map(FaultParams::scheduled);
-        all.try_for_each(|s| Said::Break(s.fault, None).check(bladders))
+        all.try_for_each(|s| FaultText::Break(s.fault, None).check(bladders))
     }
 
     /// What the rig is built of.

@@ -309,9 +309,9 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
     fn mobility(&self) -> Mobility {
         let pressed = self.plant.creeping(&self.state, &self.hardware.walls());
         let along: [_; B] = core::array::from_fn(|j| self.hardware.along(j, &pressed[j]));
-        let count = |wanted: fn(&(f64, bool)) -> bool| {
+        let count = |requested: fn(&(f64, bool)) -> bool| {
             let contacts = pressed.iter().zip(&along).map(|(pressed, along)| (pressed.force(), along.slides));
-            contacts.filter(wanted).count() as u32
+            contacts.filter(requested).count() as u32
         };
         Mobility {
             count: head_between_bladders(along.iter().map(|along| along.freedoms)),

@@ -244,9 +244,9 @@ pub fn patient(number: u64) -> Result<Patient, PatientError> {
     let tilt: f64 = rng.random_range(0.0..75.0_f64).to_radians();
     let around: f64 = rng.random_range(-PI..PI);
     let reach = ((kind.noise)().near + 0.2).max(rng.random_range(0.5..0.95));
-    let sight = Vector3::new(tilt.sin() * around.sin(), -tilt.sin() * around.cos(), tilt.cos());
+    let camera_view = Vector3::new(tilt.sin() * around.sin(), -tilt.sin() * around.cos(), tilt.cos());
     let target = head + Vector3::new(rng.random_range(-0.03..0.03), -0.12 * s, 0.0);
-    let off_front = sight.angle(&(turn * Vector3::z())).to_degrees();
+    let off_front = camera_view.angle(&(turn * Vector3::z())).to_degrees();
     let about = format!(
         "{number:4} {:10} {extra:?} scale {s:.2} stout {stout:.2} raised {:.0} mm, {:.2} m, {:.0} degrees off, {:.0} around",
         kind.name,
@@ -255,6 +255,6 @@ pub fn patient(number: u64) -> Result<Patient, PatientError> {
         tilt.to_degrees(),
         around.to_degrees(),
     );
-    let couch_from_camera = look(target + reach * sight, target, rng.random_range(-0.3..0.3));
+    let couch_from_camera = look(target + reach * camera_view, target, rng.random_range(-0.3..0.3));
     Ok(Patient { kind, couch_from_camera, scene, scale: s, couch_from_head: shown, extra, off_front, about })
 }

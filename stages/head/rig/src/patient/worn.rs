@@ -8,7 +8,7 @@ use crate::head::Head;
 use crate::render::Renderer;
 use crate::scene::{Label, Scene};
 use crate::shape::{Ellipsoid, ShapeError};
-use crate::view::View;
+use crate::view::RenderedView;
 
 /// An object that moves with the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,7 +63,7 @@ const EDGE: f64 = 0.02;
 /// The image of a perforated thermoplastic mask over the face. The mask does not move when the head moves under it.
 #[derive(Debug, Clone)]
 pub struct Mask {
-    view: View,
+    view: RenderedView,
 }
 
 impl Mask {
@@ -98,7 +98,7 @@ impl Mask {
     }
 
     /// Adds the mask to an image of the same camera without the mask.
-    pub fn cover(&self, view: &mut View) {
+    pub fn cover(&self, view: &mut RenderedView) {
         for pixel in 0..view.depth_m.len().min(self.view.depth_m.len()) {
             if self.view.depth_m[pixel] < view.depth_m[pixel] {
                 view.depth_m[pixel] = self.view.depth_m[pixel];

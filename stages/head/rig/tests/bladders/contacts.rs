@@ -7,7 +7,7 @@ use stillpoint_testing::Run;
 
 use super::script::{heights, simulate, text};
 
-fn told(run: &Run) -> Vec<ContactsElement> {
+fn reported(run: &Run) -> Vec<ContactsElement> {
     run.samples::<Contacts>("rig.contacts").iter().map(|c| *c.first().unwrap()).collect()
 }
 
@@ -31,19 +31,19 @@ fn nodding(kind: &str, contacts: &str) -> Run {
 fn contacts_that_roll_push_and_stay_in_their_cones() {
     for (kind, friction) in [("three_bladders", 0.02), ("eight_bladders", 0.1)] {
         let run = nodding(kind, &format!("contacts: rolling, friction: {friction}"));
-        let contacts = told(&run);
+        let contacts = reported(&run);
         let states = run.samples::<RigState>("rig.state");
         assert_eq!((contacts.len(), states.len()), (600, 600));
         let mut slid = 0;
-        for (told, state) in contacts.iter().zip(&states) {
-            let (state, bladders) = (state.first().unwrap(), told.bladders as usize);
-            assert_eq!((told.force, told.gap), (state.force, state.gap));
+        for (reported, state) in contacts.iter().zip(&states) {
+            let (state, bladders) = (state.first().unwrap(), reported.bladders as usize);
+            assert_eq!((reported.force, reported.gap), (state.force, state.gap));
             for j in 0..bladders {
-                assert!(told.force[j] >= 0.0 && told.margin[j] >= -1e-12, "{told:?}");
-                let due = friction * told.force[j] - told.tangential[j];
-                assert!((told.margin[j] - due).abs() < 1e-12, "{told:?}");
+                assert!(reported.force[j] >= 0.0 && reported.margin[j] >= -1e-12, "{reported:?}");
+                let due = friction * reported.force[j] - reported.tangential[j];
+                assert!((reported.margin[j] - due).abs() < 1e-12, "{reported:?}");
             }
-            slid += told.slides.count_ones();
+            slid += reported.slides.count_ones();
         }
         assert!(slid > 20, "{kind}: {slid}");
     }

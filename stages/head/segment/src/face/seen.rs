@@ -48,7 +48,7 @@ pub enum Rejection {
         needed: usize,
     },
     /// Of the things of a head's size none passes the checks of identity.
-    #[error("{}", said_of(.best, "the likeliest head"))]
+    #[error("{}", text_of(.best, "the likeliest head"))]
     Uncertain { best: Candidate },
     /// Two things may be the head.
     #[error("ambiguous: {} or {}", placed(.both[0].place), placed(.both[1].place))]
@@ -88,7 +88,7 @@ fn placed(place: nalgebra::Vector3<f64>) -> String {
     format!("({x}, {y}, {z}) mm")
 }
 
-fn said_of(candidate: &Candidate, what: &str) -> String {
+fn text_of(candidate: &Candidate, what: &str) -> String {
     let others = candidate.in_region.min(candidate.shape);
     let lacks = if candidate.alone < 1.0 && candidate.alone <= others {
         "cannot be cut from an arm or a pad beside it"

@@ -103,8 +103,8 @@ impl FaceSegmenter {
     ) -> Seen<'_> {
         self.simplify(cloud, ended);
         // Two clouds beyond the range have the same voxels, none, and lie at different distances.
-        let again = self.found.filter(|_| self.grid.is_repeated() && !self.grid.centroids().is_empty());
-        let found = again.unwrap_or_else(|| self.search(cloud, rng, ended));
+        let repeated = self.found.filter(|_| self.grid.is_repeated() && !self.grid.centroids().is_empty());
+        let found = repeated.unwrap_or_else(|| self.search(cloud, rng, ended));
         self.found = Some(found);
         if found.face.is_ok() {
             self.gather();

@@ -22,7 +22,7 @@ pub struct PlaneFit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// The plane given was at least as likely as any drawn.
-    Kept,
+    Retained,
     /// It was drawn from this cloud.
     Searched,
 }

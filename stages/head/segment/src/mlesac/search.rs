@@ -77,7 +77,7 @@ impl Mlesac {
             let residuals = self.residuals(&plane);
             let counts = likelihood.count(residuals);
             let score = likelihood.log_of(residuals, &counts);
-            (best, best_score, best_inliers) = (Some((plane, Origin::Kept)), score, counts.inliers);
+            (best, best_score, best_inliers) = (Some((plane, Origin::Retained)), score, counts.inliers);
             needed = needed_iterations(share(&counts)).min(params.iterations);
         }
         while iteration < needed {
@@ -194,9 +194,9 @@ mod tests {
         let (points, _) = scene(3);
         let mut used = Mlesac::new();
         used.find(&points[..700], None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(5));
-        let again = used.find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+        let repeated = used.find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
         let fresh = Mlesac::new().find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
-        assert_eq!(again, fresh);
+        assert_eq!(repeated, fresh);
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
                 fit.plane.angle_to(&truth).to_degrees() < 0.1
                     && (fit.plane.offset - truth.offset).abs() < 5e-4
             );
-            assert_eq!(fit.origin, Origin::Kept, "seed {seed}");
+            assert_eq!(fit.origin, Origin::Retained, "seed {seed}");
         }
     }
 

@@ -209,39 +209,46 @@ impl Aligner {
                 used += 1;
                 continue;
             };
-            let sight = partner.sight;
+            let sightline = partner.sightline;
             let is_firm = surface.is_firm(partner.patch);
             used += usize::from(is_firm);
             if !partner.over {
                 continue;
             }
-            if is_firm && sight.distance.abs() <= params.tolerance {
+            if is_firm && sightline.distance.abs() <= params.tolerance {
                 close += 1;
                 if let Some(group) = self.groups.get_mut(partner.group) {
                     group.hit = true;
                 }
             }
             // The line of sight in the surface's axes.
-            let cosine = -sight.normal.dot(&(rotation * point)) / point.norm();
+            let cosine = -sightline.normal.dot(&(rotation * point)) / point.norm();
             if partner.place == Place::Edge || cosine < COSINE_LEAST {
                 continue;
             }
             let own = if is_last { surface.weight(partner.patch) } else { 1.0 };
             if own >= OWN_LEAST {
-                self.distances.push(sight.distance.abs());
+                self.distances.push(sightline.distance.abs());
             }
-            let (trust, slope) = effort.robust.weight(sight.distance, scale, params.tolerance);
+            let (trust, slope) = effort.robust.weight(sightline.distance, scale, params.tolerance);
             if trust == 0.0 {
                 continue;
             }
             let facing = (cosine / COSINE_FULL).min(1.0);
             let weight = facing * trust * own;
-            let turn = at.cross(&sight.normal) * inverse_length;
-            let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
-            sums.add(&row, sight.distance, weight);
+            let turn = at.cross(&sightline.normal) * inverse_length;
+            let row = Vector6::new(
+                sightline.normal.x,
+                sightline.normal.y,
+                sightline.normal.z,
+                turn.x,
+                turn.y,
+                turn.z,
+            );
+            sums.add(&row, sightline.distance, weight);
             slopes += facing * own * slope;
             if let Some(group) = self.groups.get_mut(partner.group) {
-                group.pull += row * (weight * sight.distance);
+                group.pull += row * (weight * sightline.distance);
             }
         }
         let weight = sums.weight.max(f64::MIN_POSITIVE);

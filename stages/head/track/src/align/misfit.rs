@@ -22,8 +22,8 @@ pub fn misfit(
             continue;
         }
         sum += surface.partner(&at).map_or(cap, |partner| {
-            let beside = if partner.over { 0.0 } else { partner.sight.aside };
-            (partner.sight.distance * partner.sight.distance + beside).sqrt().min(cap)
+            let lateral = if partner.over { 0.0 } else { partner.sightline.aside };
+            (partner.sightline.distance * partner.sightline.distance + lateral).sqrt().min(cap)
         });
         used += 1.0;
     }

@@ -104,37 +104,38 @@ pub fn agreement(
             continue;
         }
         let Some(partner) = surface.partner(&at) else { continue };
-        let sight = partner.sight;
-        let cosine = -sight.normal.dot(&(rotation * point)) / point.norm();
+        let sightline = partner.sightline;
+        let cosine = -sightline.normal.dot(&(rotation * point)) / point.norm();
         if !partner.over || partner.place == Place::Edge || cosine < COSINE_LEAST {
             continue;
         }
         if !surface.is_rigid(partner.patch) {
             if surface.is_mimic(partner.patch)
-                && sight.distance.abs() < REACH
+                && sightline.distance.abs() < REACH
                 && let Some((pieces, ..)) = &mut pieces
             {
-                pieces.add_mimic(partner.patch, sight.distance);
+                pieces.add_mimic(partner.patch, sightline.distance);
             }
             continue;
         }
         let quarter = &mut quarters[axes.part(&at)];
         quarter.used += 1;
-        if sight.distance.abs() > tolerance {
+        if sightline.distance.abs() > tolerance {
             continue;
         }
         quarter.close += 1;
-        let turn = at.cross(&sight.normal) * inverse_length;
-        let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
-        quarter.sums.add(&row, sight.distance, 1.0);
+        let turn = at.cross(&sightline.normal) * inverse_length;
+        let row =
+            Vector6::new(sightline.normal.x, sightline.normal.y, sightline.normal.z, turn.x, turn.y, turn.z);
+        quarter.sums.add(&row, sightline.distance, 1.0);
         hit[partner.group] = true;
         if let Some((pieces, ..)) = &mut pieces {
-            pieces.add(partner.patch, &row, sight.distance);
+            pieces.add(partner.patch, &row, sightline.distance);
         }
-        let along = sight.normal.dot(&at);
+        let along = sightline.normal.dot(&at);
         own += along * along;
         shared += row * along;
-        pull += along * sight.distance;
+        pull += along * sightline.distance;
     }
     let system = |parts: [usize; 2]| {
         let [a, b] = parts.map(|part| &quarters[part]);
@@ -177,9 +178,9 @@ pub fn agreement(
 /// where a table of movements lies on it, of the patches that follow the skull, in groups that were `hit`. An arm hides whole groups, the holes of a mask do not.
 fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>, hit: &[bool]) -> f64 {
     let of = |patch: &Patch| {
-        let sight = patch.position - surface_from_cloud.translation.vector;
-        let cosine = -patch.normal.dot(&sight) / sight.norm();
-        if cosine < COSINE_LEAST { 0.0 } else { cosine / sight.norm_squared() }
+        let sightline = patch.position - surface_from_cloud.translation.vector;
+        let cosine = -patch.normal.dot(&sightline) / sightline.norm();
+        if cosine < COSINE_LEAST { 0.0 } else { cosine / sightline.norm_squared() }
     };
     let patches = surface.patches().iter().enumerate();
     let is_judged = |number: &usize| {

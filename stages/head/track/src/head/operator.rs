@@ -14,7 +14,7 @@ use super::params::{
 };
 use super::report;
 use crate::capture::{Asking, Capture, CaptureError, Offer};
-use crate::identity::{ENOUGH, Frame, Identity, Needed};
+use crate::identity::{ENOUGH, Identity, Needed, SeenFrame};
 use crate::output_frame::output_from_face;
 use crate::planned::{Limits, Planned};
 use crate::quaternion::PairedPose;
@@ -260,8 +260,8 @@ impl Operator for TrackHead {
         let is_repeated = is_same && captured != Ok(Offer::Taken);
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
         // each time, and nobody would notice that the camera is frozen.
-        let again = self.found.take().filter(|_| is_repeated);
-        let found = again.unwrap_or_else(|| self.find(time));
+        let repeated = self.found.take().filter(|_| is_repeated);
+        let found = repeated.unwrap_or_else(|| self.find(time));
         if let Some((_, identity)) = &mut self.identity {
             identity.pass(time);
         }
@@ -401,7 +401,7 @@ impl TrackHead {
             self.identity = Some((number, Identity::new(surface, self.known.is_some())));
         }
         let Some((_, identity)) = &mut self.identity else { return (false, false) };
-        let frame = Frame {
+        let frame = SeenFrame {
             cloud: &self.cloud,
             alignment: &tracked.alignment,
             motion: &tracked.current_from_reference,

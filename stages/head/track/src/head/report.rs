@@ -7,7 +7,7 @@ use crate::capture::{CaptureError, Offer};
 use crate::identity::Judged;
 use crate::observability::Observability;
 use crate::planned::Foreign;
-use crate::tracker::{Loss, TrackedPose, Way};
+use crate::tracker::{Loss, PoseSource, TrackedPose};
 use crate::uncertainty::Uncertainty;
 
 /// An empty report.
@@ -39,32 +39,32 @@ pub fn empty() -> PoseReportElement {
 }
 
 /// Says how sure it is that the frame shows what was captured.
-pub fn of_identity(said: &mut PoseReportElement, judged: &Judged) {
-    said.confidence = judged.confidence();
-    said.certainty = judged.certainty;
-    said.scale = judged.agreement.scale;
-    said.apart = judged.agreement.apart;
+pub fn of_identity(element: &mut PoseReportElement, judged: &Judged) {
+    element.confidence = judged.confidence();
+    element.certainty = judged.certainty;
+    element.scale = judged.agreement.scale;
+    element.apart = judged.agreement.apart;
 }
 
 /// Says how a face lies on the surface of a patient that it does not show.
-pub fn of_foreign(said: PoseReportElement, why: &Foreign) -> PoseReportElement {
+pub fn of_foreign(element: PoseReportElement, why: &Foreign) -> PoseReportElement {
     match why.fit() {
         Some(fit) => {
-            PoseReportElement { overlap: fit.near, residual_rms: fit.misfit, scale: fit.scale, ..said }
+            PoseReportElement { overlap: fit.near, residual_rms: fit.misfit, scale: fit.scale, ..element }
         }
-        None => said,
+        None => element,
     }
 }
 
 /// Says that nobody waits for a capture any more.
-pub fn of_lapsed(said: PoseReportElement) -> PoseReportElement {
-    PoseReportElement { status: PoseStatus::CaptureLapsed as u32, ..said }
+pub fn of_lapsed(element: PoseReportElement) -> PoseReportElement {
+    PoseReportElement { status: PoseStatus::CaptureLapsed as u32, ..element }
 }
 
 /// Says which directions a face does not hold that was refused for it.
-pub fn of_loose(said: PoseReportElement, held: &Observability) -> PoseReportElement {
+pub fn of_loose(element: PoseReportElement, held: &Observability) -> PoseReportElement {
     let refused = (held.constrained..6).fold(0, |bits, i| bits | 1 << i);
-    PoseReportElement { sensitivity: held.sensitivity, refused, ..said }
+    PoseReportElement { sensitivity: held.sensitivity, refused, ..element }
 }
 
 /// Whether a status is that of a pose after the capture.
@@ -78,7 +78,7 @@ pub fn status(captured: &Result<Offer, CaptureError>, tracked: &Result<TrackedPo
         (Err(CaptureError::Lapsed { .. }), _) => PoseStatus::CaptureLapsed,
         (Err(_), _) => PoseStatus::CaptureRefused,
         (Ok(Offer::Taken), _) => PoseStatus::Captured,
-        (_, Ok(pose)) if pose.way == Way::Tracked => PoseStatus::Tracked,
+        (_, Ok(pose)) if pose.source == PoseSource::Tracked => PoseStatus::Tracked,
         (_, Ok(_)) => PoseStatus::Found,
         (_, Err(Loss::NoReference)) => PoseStatus::NoReference,
         (_, Err(Loss::TooFewPoints { .. })) => PoseStatus::TooFewPoints,
@@ -87,28 +87,28 @@ pub fn status(captured: &Result<Offer, CaptureError>, tracked: &Result<TrackedPo
 }
 
 /// Says how the frame fits.
-pub fn of_alignment(said: &mut PoseReportElement, alignment: &Alignment) {
+pub fn of_alignment(element: &mut PoseReportElement, alignment: &Alignment) {
     let observability = &alignment.observability;
-    said.sensitivity = observability.sensitivity;
-    said.refused = (observability.constrained..6).fold(0, |bits, i| bits | 1 << i);
-    said.residual_rms = alignment.rms;
-    said.residual_sd = alignment.sd;
-    said.overlap = alignment.overlap;
-    said.iterations = alignment.iterations;
-    said.points = alignment.points as u32;
+    element.sensitivity = observability.sensitivity;
+    element.refused = (observability.constrained..6).fold(0, |bits, i| bits | 1 << i);
+    element.residual_rms = alignment.rms;
+    element.residual_sd = alignment.sd;
+    element.overlap = alignment.overlap;
+    element.iterations = alignment.iterations;
+    element.points = alignment.points as u32;
 }
 
 /// Says what is known of the pose.
-pub fn of_uncertainty(said: &mut PoseReportElement, known: &Uncertainty, length: f64) {
-    said.directions = core::array::from_fn(|i| known.directions[(i % 6, i / 6)]);
-    said.direction_sd = known.direction_sd;
-    said.centre = known.centre;
-    said.length = length;
+pub fn of_uncertainty(element: &mut PoseReportElement, known: &Uncertainty, length: f64) {
+    element.directions = core::array::from_fn(|i| known.directions[(i % 6, i / 6)]);
+    element.direction_sd = known.direction_sd;
+    element.centre = known.centre;
+    element.length = length;
 }
 
 /// Says what was tried where there is no pose.
-pub fn of_loss(said: &mut PoseReportElement, loss: &Loss) {
+pub fn of_loss(element: &mut PoseReportElement, loss: &Loss) {
     if let Loss::NoFit { alignment, .. } = loss {
-        of_alignment(said, alignment);
+        of_alignment(element, alignment);
     }
 }

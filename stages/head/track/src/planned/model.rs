@@ -43,12 +43,12 @@ impl Model {
             normals[*number as usize] += normal;
         }
         // A cell that holds both sides of something thin has no normal.
-        let kept = buckets
+        let retained = buckets
             .means()
             .into_iter()
             .zip(normals)
             .filter_map(|(at, sum)| Some((at, sum.try_normalize(0.5)?)));
-        let (points, normals): (Vec<_>, Vec<_>) = kept.unzip();
+        let (points, normals): (Vec<_>, Vec<_>) = retained.unzip();
         let surface = Surface::oriented(&points, &normals, params)?;
         Ok(Self { points, normals, surface })
     }

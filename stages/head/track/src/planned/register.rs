@@ -295,12 +295,12 @@ impl Planned {
             used += 1.0;
             let Some(partner) = partner else { continue };
             // Beyond the edge of what is seen of the model nothing can be said.
-            let cosine = -partner.sight.normal.dot(&(rotation * point)) / point.norm();
+            let cosine = -partner.sightline.normal.dot(&(rotation * point)) / point.norm();
             if !partner.over && partner.place == Place::Edge || cosine < COSINE {
                 used -= 1.0;
                 continue;
             }
-            let distance = partner.sight.distance;
+            let distance = partner.sightline.distance;
             if !partner.over || distance.abs() > 2.0 * tolerance {
                 continue;
             }

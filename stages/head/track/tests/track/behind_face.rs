@@ -19,7 +19,7 @@ use stillpoint_track::HeadTracker;
 use stillpoint_track::planned::{Foreign, Limits, Planned, Registered};
 
 use crate::planned::{GREATEST, LEAST, Random, SURFACE, difference, drawn};
-use crate::scene::Frame;
+use crate::scene::SeenFrame;
 
 /// Distance of the voxels of the CTs, and the air around the head, mm.
 const SPACING_MM: f64 = 2.0;
@@ -58,13 +58,14 @@ pub fn numbers() -> std::ops::Range<u64> {
 /// The face of a patient in the camera's frame, if a capture is due: one head, at most a third of it hidden, seen from
 /// within 60 degrees of its front.
 fn face_of(p: &Patient, number: u64) -> Option<Vec<Vector3<f64>>> {
-    let frame =
-        |scene: &Scene| Frame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number);
+    let frame = |scene: &Scene| {
+        SeenFrame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number)
+    };
     if !p.has_head() || !p.is_plain() || p.off_front > 60.0 {
         return None;
     }
     let (seen, alone) = (frame(&p.scene), frame(&Scene::new(Vec::new(), -0.85)));
-    let count = |frame: &Frame| frame.head.iter().filter(|h| **h).count();
+    let count = |frame: &SeenFrame| frame.head.iter().filter(|h| **h).count();
     if 3 * count(&seen) < 2 * count(&alone) {
         return None;
     }
@@ -118,8 +119,8 @@ fn behind_the_segmentation_each_patient_is_found_by_their_own_ct_alone() {
         let surface = outline_of(&own, &isocentre);
         let couch_from_iso = p.couch_from_head * Translation3::from(isocentre);
         // A fist on the face is no reason to be found, and none to be found wrongly.
-        let is_due = p.extra != Extra::Fist;
-        due += usize::from(is_due);
+        let is_time = p.extra != Extra::Fist;
+        due += usize::from(is_time);
         let (found, time) = register(&surface, &p, &couch_from_iso, &face, &mut rng);
         times.push(time);
         match &found {
@@ -130,7 +131,7 @@ fn behind_the_segmentation_each_patient_is_found_by_their_own_ct_alone() {
                 // The face of a small head has few pixels.
                 let most_degrees = if p.scale < SMALL { 0.5 } else { 0.3 };
                 let is_good = mm <= 0.5 && degrees <= most_degrees;
-                good += usize::from(is_good && is_due);
+                good += usize::from(is_good && is_time);
                 wrong += usize::from(!is_good);
                 worst = [worst[0].max(mm), worst[1].max(degrees)];
                 eprintln!("{mm:.3} mm {degrees:.3} deg {} {:.2?}", p.about, found.fit);

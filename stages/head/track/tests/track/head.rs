@@ -124,11 +124,11 @@ pub fn isometry(pose: &PoseElement) -> Isometry3<f64> {
 #[test]
 fn the_first_face_is_the_reference_and_its_pose_a_translation_to_its_centroid() {
     let cloud = head(&camera_from_body());
-    let said = feed(&mut bench(str::to_owned), &cloud);
-    assert_eq!(said.status(), PoseStatus::Captured);
-    assert_eq!(said.report.reference, 1);
-    assert_eq!(said.reference.unwrap().len(), cloud.len());
-    let pose = isometry(&said.pose.unwrap());
+    let element = feed(&mut bench(str::to_owned), &cloud);
+    assert_eq!(element.status(), PoseStatus::Captured);
+    assert_eq!(element.report.reference, 1);
+    assert_eq!(element.reference.unwrap().len(), cloud.len());
+    let pose = isometry(&element.pose.unwrap());
     assert!(pose.rotation.angle() < 1e-4, "{pose}");
     // A quarter turn about z takes the camera's x to the couch's y.
     let mean = cloud.iter().sum::<Vector3<f64>>() / cloud.len() as f64;
@@ -140,9 +140,9 @@ fn the_first_face_is_the_reference_and_its_pose_a_translation_to_its_centroid() 
 fn a_motion_of_the_head_is_given_in_the_couchs_axes_with_its_covariance() {
     let mut bench = bench(str::to_owned);
     let first = feed(&mut bench, &head(&camera_from_body())).pose.unwrap();
-    let said = feed(&mut bench, &head(&moved([0.003, -0.002, 0.004], [0.05, 0.0, 0.0])));
-    assert_eq!(said.status(), PoseStatus::Tracked);
-    let pose = said.pose.unwrap();
+    let element = feed(&mut bench, &head(&moved([0.003, -0.002, 0.004], [0.05, 0.0, 0.0])));
+    assert_eq!(element.status(), PoseStatus::Tracked);
+    let pose = element.pose.unwrap();
     let turn = (isometry(&pose) * isometry(&first).inverse()).rotation.scaled_axis();
     // The camera's x is the couch's y.
     assert!((turn - Vector3::new(0.0, 0.05, 0.0)).norm() < 1e-3, "{turn}");
@@ -154,14 +154,14 @@ fn a_motion_of_the_head_is_given_in_the_couchs_axes_with_its_covariance() {
             assert!(c(i, j).abs() <= (c(i, i) * c(j, j)).sqrt() * (1.0 + 1e-9));
         }
     }
-    let report = said.report;
+    let report = element.report;
     assert_eq!(report.refused, 0);
     assert!(report.sensitivity.windows(2).all(|s| s[0] >= s[1]));
     assert!(report.overlap > 0.8, "{}", report.overlap);
     assert!(report.direction_sd.iter().all(|sd| *sd < 1e-3), "{:?}", report.direction_sd);
     // The three points see the turn too, if less well.
-    let three = isometry(&said.three_points.unwrap());
-    assert!(three.rotation.angle() > 0.02 && said.report.three_points_gap > 0.0);
+    let three = isometry(&element.three_points.unwrap());
+    assert!(three.rotation.angle() > 0.02 && element.report.three_points_gap > 0.0);
 }
 
 #[test]
@@ -191,14 +191,14 @@ fn before_a_command_there_is_no_pose_and_it_is_said() {
     let mut bench = bench(|t| t.replace("capture: first", "capture: command, capture_seen: 1"));
     let cloud = head(&camera_from_body());
     for verb in [Verb::Arm, Verb::Capture] {
-        let said = feed(&mut bench, &cloud);
-        assert_eq!(said.status(), PoseStatus::NoReference);
-        assert!(said.pose.is_none() && said.three_points.is_none() && said.reference.is_none());
+        let element = feed(&mut bench, &cloud);
+        assert_eq!(element.status(), PoseStatus::NoReference);
+        assert!(element.pose.is_none() && element.three_points.is_none() && element.reference.is_none());
         command(&mut bench, verb);
     }
-    let said = feed(&mut bench, &cloud);
-    assert_eq!(said.status(), PoseStatus::Captured);
-    assert!(said.pose.is_some() && said.reference.is_some());
+    let element = feed(&mut bench, &cloud);
+    assert_eq!(element.status(), PoseStatus::Captured);
+    assert!(element.pose.is_some() && element.reference.is_some());
 }
 
 /// Frames of a head that breathes: no two are the same.
@@ -253,20 +253,20 @@ fn another_command_makes_another_reference() {
 fn a_face_that_is_unfit_is_refused_and_the_next_one_captured() {
     let mut bench = bench(str::to_owned);
     let cloud = head(&camera_from_body());
-    let said = feed(&mut bench, &cloud[..300]);
-    assert_eq!(said.status(), PoseStatus::CaptureRefused);
-    assert!(said.pose.is_none());
+    let element = feed(&mut bench, &cloud[..300]);
+    assert_eq!(element.status(), PoseStatus::CaptureRefused);
+    assert!(element.pose.is_none());
     assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Captured);
 }
 
 #[test]
 fn a_ball_is_not_captured_and_the_head_after_it_is() {
     let mut bench = bench(str::to_owned);
-    let said = feed(&mut bench, &sphere(&camera_from_body(), 0.09));
-    assert_eq!((said.status(), said.report.reference), (PoseStatus::CaptureRefused, 0));
-    assert!(said.pose.is_none());
-    assert_eq!(said.report.refused, 0b11_1000);
-    assert!(said.report.sensitivity[3..].iter().all(|s| *s < 0.005), "{:?}", said.report.sensitivity);
+    let element = feed(&mut bench, &sphere(&camera_from_body(), 0.09));
+    assert_eq!((element.status(), element.report.reference), (PoseStatus::CaptureRefused, 0));
+    assert!(element.pose.is_none());
+    assert_eq!(element.report.refused, 0b11_1000);
+    assert!(element.report.sensitivity[3..].iter().all(|s| *s < 0.005), "{:?}", element.report.sensitivity);
     let head = feed(&mut bench, &head(&camera_from_body()));
     assert_eq!((head.status(), head.report.reference), (PoseStatus::Captured, 1));
 }
@@ -279,9 +279,9 @@ fn points_that_are_not_finite_are_left_out_and_counted() {
         cloud.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
     points.insert(100, Point { xyz: [f32::NAN; 3] });
     points.push(Point { xyz: [0.0, f32::INFINITY, 1.0] });
-    let said = feed_points(&mut bench(str::to_owned), &points);
-    assert_eq!(said.report.not_finite, 2);
-    assert_eq!(said.pose, clean.pose);
+    let element = feed_points(&mut bench(str::to_owned), &points);
+    assert_eq!(element.report.not_finite, 2);
+    assert_eq!(element.pose, clean.pose);
     let none = feed_points(&mut bench(str::to_owned), &vec![Point { xyz: [f32::NAN; 3] }; 2000]);
     assert_eq!((none.status(), none.report.not_finite), (PoseStatus::CaptureRefused, 2000));
 }
@@ -302,8 +302,8 @@ fn a_lost_head_has_no_pose_and_is_found_again() {
 }
 
 /// What is said of a frame but its head, which has its time and number.
-fn findings(said: &Said) -> (Option<PoseElement>, Option<PoseElement>, Vec<u8>) {
-    (said.pose, said.three_points, said.report.as_bytes().to_vec())
+fn findings(element: &Said) -> (Option<PoseElement>, Option<PoseElement>, Vec<u8>) {
+    (element.pose, element.three_points, element.report.as_bytes().to_vec())
 }
 
 #[test]
@@ -315,20 +315,20 @@ fn the_same_face_again_has_the_same_pose_to_the_bit() {
         let first = feed(&mut bench, &still);
         assert_eq!(first.status(), PoseStatus::Tracked);
         for _ in 0..3 {
-            let again = feed(&mut bench, &still);
-            assert!(findings(&again) == findings(&first));
-            assert!(again.bytes != first.bytes, "its time differs");
+            let repeated = feed(&mut bench, &still);
+            assert!(findings(&repeated) == findings(&first));
+            assert!(repeated.bytes != first.bytes, "its time differs");
         }
         // Frames without a face, and points that are none, come between.
         reject(&mut bench);
         let mut points: Vec<Point> =
             still.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
         points.insert(7, Point { xyz: [f32::NAN; 3] });
-        let again = feed_points(&mut bench, &points);
-        assert_eq!((again.pose, again.report.not_finite), (first.pose, 1));
+        let repeated = feed_points(&mut bench, &points);
+        assert_eq!((repeated.pose, repeated.report.not_finite), (first.pose, 1));
         // One number that differs makes it another face.
         points[20].xyz[2] = points[20].xyz[2].next_up();
-        assert!(feed_points(&mut bench, &points).report.as_bytes() != again.report.as_bytes());
+        assert!(feed_points(&mut bench, &points).report.as_bytes() != repeated.report.as_bytes());
     }
 }
 
@@ -338,9 +338,9 @@ fn a_lost_head_stays_lost_in_the_same_face_again() {
     feed(&mut bench, &head(&camera_from_body()));
     let elsewhere = sphere(&moved([0.05, 0.0, 0.1], [0.0; 3]), 0.05);
     let lost = feed(&mut bench, &elsewhere);
-    let again = feed(&mut bench, &elsewhere);
-    assert_eq!((lost.status(), again.pose), (PoseStatus::Lost, None));
-    assert!(findings(&again) == findings(&lost));
+    let repeated = feed(&mut bench, &elsewhere);
+    assert_eq!((lost.status(), repeated.pose), (PoseStatus::Lost, None));
+    assert!(findings(&repeated) == findings(&lost));
 }
 
 #[test]
@@ -358,7 +358,7 @@ fn the_same_face_again_is_captured_where_that_is_asked_for() {
     assert!(isometry(&captured.pose.unwrap()).rotation.angle() < 1e-3);
     // Gathered, complete, and then tracked on the surface of all three.
     let then = [(); 4].map(|()| feed(&mut bench, &still));
-    assert!(then.iter().all(|said| said.status() == PoseStatus::Tracked));
+    assert!(then.iter().all(|element| element.status() == PoseStatus::Tracked));
     let sent = [0, 1, 2, 3].map(|i: usize| then[i].reference.as_ref().map(Vec::len));
     assert_eq!(sent, [None, Some(3 * still.len()), None, None]);
     assert!(findings(&then[0]) != findings(&then[2]) && findings(&then[2]) == findings(&then[3]));
@@ -371,10 +371,10 @@ fn a_sphere_has_infinite_variance_where_it_is_refused() {
             t.replace("capture: first", &format!("capture: first, directions: any, origin: {origin}"))
         });
         feed(&mut bench, &sphere(&camera_from_body(), 0.09));
-        let said = feed(&mut bench, &sphere(&moved([0.002, 0.0, 0.001], [0.0; 3]), 0.09));
-        assert_eq!(said.report.refused, 0b11_1000);
-        assert!(said.report.direction_sd[3..].iter().all(|sd| *sd == f64::INFINITY));
-        let pose = said.pose.unwrap();
+        let element = feed(&mut bench, &sphere(&moved([0.002, 0.0, 0.001], [0.0; 3]), 0.09));
+        assert_eq!(element.report.refused, 0b11_1000);
+        assert!(element.report.direction_sd[3..].iter().all(|sd| *sd == f64::INFINITY));
+        let pose = element.pose.unwrap();
         assert!((3..6).all(|i| pose.covariance[7 * i] == f64::INFINITY));
         // The centre's place is known; the surface's centroid slides with the turns.
         assert_eq!(pose.covariance[0].is_finite(), origin == "centre");
@@ -386,12 +386,12 @@ fn more_frames_make_one_reference_though_the_head_moves() {
     let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_frames: 3"));
     let mut last = None;
     for k in 0..3 {
-        let said = feed(
+        let element = feed(
             &mut bench,
             &head(&moved([0.001 * f64::from(k), 0.0, 0.0], [0.0, 0.01 * f64::from(k), 0.0])),
         );
-        assert_eq!(said.reference.is_some(), k == 2, "{k}");
-        last = said.reference;
+        assert_eq!(element.reference.is_some(), k == 2, "{k}");
+        last = element.reference;
     }
     // All three lie on the first.
     let first = feed(&mut self::bench(str::to_owned), &head(&camera_from_body())).reference.unwrap();
@@ -412,10 +412,10 @@ fn a_reference_from_a_file_is_searched_for_and_sent() {
     files.files.insert("face.pcd".into(), bytes);
     let text = TEXT.replace("capture: first", "capture: command, reference: face.pcd");
     let mut bench = bench_with(&text, &files).unwrap();
-    let said = feed(&mut bench, &head(&moved([0.01, 0.02, 0.0], [0.0, 0.3, 0.0])));
-    assert_eq!((said.status(), said.report.reference), (PoseStatus::Found, 1));
-    assert_eq!(said.reference.unwrap().len(), points.len());
-    let turn = isometry(&said.pose.unwrap()).rotation.angle();
+    let element = feed(&mut bench, &head(&moved([0.01, 0.02, 0.0], [0.0, 0.3, 0.0])));
+    assert_eq!((element.status(), element.report.reference), (PoseStatus::Found, 1));
+    assert_eq!(element.reference.unwrap().len(), points.len());
+    let turn = isometry(&element.pose.unwrap()).rotation.angle();
     assert!((turn - 0.3).abs() < 2e-3, "{turn}");
 }
 
@@ -442,9 +442,9 @@ fn without_a_way_to_a_reference_it_does_not_start() {
 #[test]
 fn three_points_may_make_the_pose() {
     let mut bench = bench(|t| t.replace("capture: first", "capture: first, method: three_points"));
-    let said = feed(&mut bench, &head(&camera_from_body()));
-    assert_eq!(said.pose, said.three_points);
-    assert!(said.pose.is_some());
+    let element = feed(&mut bench, &head(&camera_from_body()));
+    assert_eq!(element.pose, element.three_points);
+    assert!(element.pose.is_some());
 }
 
 #[test]
@@ -459,9 +459,9 @@ fn equal_frames_give_equal_bytes_wherever_the_buffers_lie() {
 fn a_frame_without_a_face_has_a_report_and_the_head_is_followed_on() {
     let mut bench = bench(str::to_owned);
     feed(&mut bench, &head(&camera_from_body()));
-    let said = reject(&mut bench);
-    assert_eq!((said.status(), said.report.reference), (PoseStatus::NoFace, 1));
-    assert!(said.pose.is_none() && said.three_points.is_none() && said.report.overlap.is_nan());
-    let said = feed(&mut bench, &head(&moved([2e-3, 0.0, 0.0], [0.0; 3])));
-    assert_eq!(said.status(), PoseStatus::Tracked);
+    let element = reject(&mut bench);
+    assert_eq!((element.status(), element.report.reference), (PoseStatus::NoFace, 1));
+    assert!(element.pose.is_none() && element.three_points.is_none() && element.report.overlap.is_nan());
+    let element = feed(&mut bench, &head(&moved([2e-3, 0.0, 0.0], [0.0; 3])));
+    assert_eq!(element.status(), PoseStatus::Tracked);
 }

@@ -66,11 +66,15 @@ fn the_head_that_was_captured_is_certain_while_it_moves() {
     feed(&mut bench, &head(&camera_from_body()));
     for k in 1..6 {
         let k = f64::from(k);
-        let said =
+        let element =
             feed(&mut bench, &head(&moved([1e-3 * k, -2e-3 * k, 2e-3 * k], [0.02 * k, -0.01 * k, 0.03 * k])));
-        assert_eq!(said.status(), PoseStatus::Tracked);
-        assert!(said.report.confidence > 0.6, "{:?}", said.report.certainty);
-        assert!((said.report.scale - 1.0).abs() < 0.01 && said.report.apart < 0.3e-3, "{:?}", said.report);
+        assert_eq!(element.status(), PoseStatus::Tracked);
+        assert!(element.report.confidence > 0.6, "{:?}", element.report.certainty);
+        assert!(
+            (element.report.scale - 1.0).abs() < 0.01 && element.report.apart < 0.3e-3,
+            "{:?}",
+            element.report
+        );
     }
 }
 
@@ -84,16 +88,16 @@ fn a_fist_on_the_chin_that_moves_apart_ends_the_poses() {
     let mut apart = None;
     for k in 1..=8 {
         let mm = 1e-3 * f64::from(k);
-        let said =
+        let element =
             feed(&mut bench, &with_fist(&moved([0.0, 0.0, 2e-3], [0.0; 3]), Vector3::new(0.0, mm, 2.0 * mm)));
-        if said.status() != PoseStatus::Tracked {
+        if element.status() != PoseStatus::Tracked {
             assert_eq!(
-                (said.status(), said.pose.is_none()),
+                (element.status(), element.pose.is_none()),
                 (PoseStatus::Doubted, true),
                 "{:?}",
-                said.report
+                element.report
             );
-            assert!(part(&said.report, IdentityPart::Agreement) < 0.5);
+            assert!(part(&element.report, IdentityPart::Agreement) < 0.5);
             apart = Some(k);
             break;
         }
@@ -116,9 +120,9 @@ fn nod_under_a_fist(degrees: f64, is_at_rest: bool) -> Option<f64> {
             true => camera_from_head.inverse() * (camera_from_body() * fist) - fist,
             false => Vector3::zeros(),
         };
-        let said = feed(&mut bench, &with_fist(&camera_from_head, shift));
-        if said.status() == PoseStatus::Doubted {
-            assert!(part(&said.report, IdentityPart::Agreement) < 0.5, "{:?}", said.report);
+        let element = feed(&mut bench, &with_fist(&camera_from_head, shift));
+        if element.status() == PoseStatus::Doubted {
+            assert!(part(&element.report, IdentityPart::Agreement) < 0.5, "{:?}", element.report);
             return Some(angle);
         }
     }
@@ -241,6 +245,6 @@ fn a_reference_is_confirmed_by_a_person_and_each_one_anew() {
     confirm(&mut bench, Verb::Confirm);
     assert_eq!(feed(&mut bench, &cloud).report.confirmed, 1);
     command(&mut bench, Verb::Capture);
-    let said = feed(&mut bench, &cloud);
-    assert_eq!((said.report.reference, said.report.confirmed), (2, 0));
+    let element = feed(&mut bench, &cloud);
+    assert_eq!((element.report.reference, element.report.confirmed), (2, 0));
 }

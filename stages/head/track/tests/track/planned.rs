@@ -277,8 +277,8 @@ fn the_first_pose_against_the_planning_ct_is_the_error_of_the_set_up_at_the_isoc
     let iso = isocentre(&case);
     // The plan wants the isocentre 7 mm from where the head at rest has it.
     let rest = Vector3::new(0.0, -0.02, 0.131);
-    let wanted = rest + iso + Vector3::new(0.004, -0.003, 0.005);
-    let run = run_with(&case, &wanted);
+    let requested = rest + iso + Vector3::new(0.004, -0.003, 0.005);
+    let run = run_with(&case, &requested);
     let seen = statuses(&run);
     let first = run.samples::<PoseReport>("head.report");
     let first = first[0].first().unwrap();
@@ -295,7 +295,7 @@ fn the_first_pose_against_the_planning_ct_is_the_error_of_the_set_up_at_the_isoc
         let mm = 1e3 * (found.translation.vector - truth.translation.vector).norm();
         let degrees = found.rotation.angle_to(&truth.rotation).to_degrees();
         assert!(mm < 0.5 && degrees < 0.3, "{mm} mm, {degrees} degrees");
-        let set_up = found.translation.vector - wanted;
+        let set_up = found.translation.vector - requested;
         assert!((set_up.norm() - 7e-3).abs() < 2e-3, "{set_up}");
         assert!((0..6).all(|i| element.covariance[7 * i] > 0.0 && element.covariance[7 * i] < 1e-6));
     }

@@ -58,7 +58,7 @@ operators:
     let registry =
         Registry::new(&[stillpoint_ingest::STAGES, stillpoint_segment::STAGES, stillpoint_track::STAGES]);
     let frames = meta["frames"].as_array().unwrap().len() as u64;
-    run(&text, &registry, &DiskFiles::beside(&root.join("x.yaml")), frames * 100).unwrap()
+    run(&text, &registry, &DiskFiles::next_to(&root.join("x.yaml")), frames * 100).unwrap()
 }
 
 /// Root mean square of the errors of the motion since the first frame, per axis: mm at the head's pivot, degrees.
@@ -119,12 +119,12 @@ fn motion_of_rendered_heads_is_found_within_the_bounds() {
                 let last = *run.samples::<PoseReport>("head.report").last().unwrap().first().unwrap();
                 assert_eq!(last.proof, Proof::Proven as u32, "{name} {sensor}: {}", last.moved);
             }
-            for (way, bound) in [("pose", sensor == "n35"), ("three_points", false)] {
-                let poses = run.samples::<Pose>(&format!("head.{way}"));
+            for (source, bound) in [("pose", sensor == "n35"), ("three_points", false)] {
+                let poses = run.samples::<Pose>(&format!("head.{source}"));
                 let poses: Vec<_> = poses.iter().map(|p| pose(p.first().unwrap())).collect();
-                assert_eq!(poses.len(), truth.len(), "{name} {sensor} {way}");
+                assert_eq!(poses.len(), truth.len(), "{name} {sensor} {source}");
                 let (shift, turn) = errors(&poses, &truth);
-                eprintln!("{name:13} {sensor:10} {way:13} {shift:6.3?}  {turn:6.3?}  {overlap:.3}");
+                eprintln!("{name:13} {sensor:10} {source:13} {shift:6.3?}  {turn:6.3?}  {overlap:.3}");
                 if bound && (shift.iter().any(|&e| e > mm) || turn.iter().any(|&e| e > degrees)) {
                     failures.push(format!("{name} {sensor}: {shift:?} mm, {turn:?} degrees"));
                 }

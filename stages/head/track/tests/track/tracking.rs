@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 use stillpoint_track::HeadTracker;
 use stillpoint_track::surface::SurfaceError;
-use stillpoint_track::tracker::{Loss, TrackedPose, Way};
+use stillpoint_track::tracker::{Loss, PoseSource, TrackedPose};
 
 use crate::shapes::{camera_from_body, cylinder, head, sphere};
 
@@ -135,8 +135,8 @@ fn another_body_is_a_loss_and_the_head_is_found_again() {
     let found = tracker.track(&cloud, 2).unwrap();
     let (mm, degrees) = error(&found, &expected);
     assert!(mm < 0.15 && degrees < 0.1, "{mm} mm, {degrees} degrees");
-    assert_eq!(found.way, Way::Found);
-    assert_eq!(tracker.track(&cloud, 3).unwrap().way, Way::Tracked);
+    assert_eq!(found.source, PoseSource::Found);
+    assert_eq!(tracker.track(&cloud, 3).unwrap().source, PoseSource::Tracked);
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn without_reference_or_points_there_is_no_pose() {
     let mut tracker = captured(&cloud);
     let few = tracker.track(&cloud[..499], 1).unwrap_err();
     assert_eq!(few, Loss::TooFewPoints { found: 499, needed: 500 });
-    assert_eq!(tracker.track(&cloud, 2).unwrap().way, Way::Found);
+    assert_eq!(tracker.track(&cloud, 2).unwrap().source, PoseSource::Found);
 }
 
 #[test]

@@ -52,7 +52,7 @@ pub struct Beyond {
     /// How far contours lie beyond the highest image, mm.
     pub high_mm: f64,
     /// How much of it lies beside the images, cm3.
-    pub beside_cm3: f64,
+    pub aside_cm3: f64,
 }
 
 impl Drawn {
@@ -68,7 +68,7 @@ impl Drawn {
         self.slices_cm3 += other.slices_cm3;
         self.filled_cm3 += other.filled_cm3;
         self.beyond.volume_cm3 += other.beyond.volume_cm3;
-        self.beyond.beside_cm3 += other.beyond.beside_cm3;
+        self.beyond.aside_cm3 += other.beyond.aside_cm3;
         self.beyond.low_mm = self.beyond.low_mm.max(other.beyond.low_mm);
         self.beyond.high_mm = self.beyond.high_mm.max(other.beyond.high_mm);
         self.reaches_the_end |= other.reaches_the_end;
@@ -131,8 +131,8 @@ impl<'a> Tally<'a> {
             drawn.skipped += usize::from(!is_used && area.mm2 > 0.0);
             drawn.reaches_the_end |=
                 area.mm2 > 0.0 && (z_mm < low + self.slice_mm || z_mm > high - self.slice_mm);
-            beyond.beside_cm3 += area.beside_mm2 * (to - from) / 1000.0;
-            beyond.volume_cm3 += area.beside_mm2 * (to - from) / 1000.0;
+            beyond.aside_cm3 += area.aside_mm2 * (to - from) / 1000.0;
+            beyond.volume_cm3 += area.aside_mm2 * (to - from) / 1000.0;
         } else if area.mm2 > 0.0 {
             beyond.low_mm = beyond.low_mm.max(low - z_mm);
             beyond.high_mm = beyond.high_mm.max(z_mm - high);
@@ -161,7 +161,7 @@ impl<'a> Tally<'a> {
             };
             let whole = length(&found.spans);
             area.mm2 += whole * step;
-            area.beside_mm2 += (whole - inside) * step;
+            area.aside_mm2 += (whole - inside) * step;
             area.exclusive_mm2 += length(&found.exclusive) * step;
             area.shared_mm2 += found.shared_mm * step;
         });
@@ -174,5 +174,5 @@ struct Area {
     mm2: f64,
     exclusive_mm2: f64,
     shared_mm2: f64,
-    beside_mm2: f64,
+    aside_mm2: f64,
 }

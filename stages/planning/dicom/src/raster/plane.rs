@@ -26,16 +26,16 @@ impl<'a> Plane<'a> {
         let exclusive = contours.iter().any(|c| c.kind == ContourKind::Xor);
         let mut all: Vec<Outline<'a>> = contours.iter().filter_map(|c| Outline::of(c)).collect();
         all.sort_by(|a, b| a.low[0].total_cmp(&b.low[0]));
-        let (mut once, mut again): (Vec<Outline<'a>>, Vec<Outline<'a>>) = (Vec::new(), Vec::new());
+        let (mut once, mut duplicates): (Vec<Outline<'a>>, Vec<Outline<'a>>) = (Vec::new(), Vec::new());
         for outline in all {
             // Sorted by their left ends, identical contours are near each other.
             let near = once.iter().rev().take_while(|o| o.low[0] >= outline.low[0] - 1.0);
             let known = near.into_iter().any(|o| o.is_same(&outline));
-            if known { again.push(outline) } else { once.push(outline) }
+            if known { duplicates.push(outline) } else { once.push(outline) }
         }
         let nested = if exclusive { Vec::new() } else { nest(&once) };
-        let repeated = again.len();
-        once.extend(again);
+        let repeated = duplicates.len();
+        once.extend(duplicates);
         Self { outlines: once, nested, repeated, exclusive }
     }
 

@@ -11,7 +11,7 @@ pub fn patient(seed: u64, grid_mm: f64) -> Patient {
 
 /// Numbers without meaning.
 pub fn model() -> Model {
-    let sizes = Sizes { structure: 3, ring: 4, angle: 4, beside: 2, pair: 3, set: 2, layers: 2 };
+    let sizes = Sizes { structure: 3, ring: 4, angle: 4, neighbour: 2, pair: 3, set: 2, layers: 2 };
     let mut state = 1_u32;
     let mut next = |scale: bool| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

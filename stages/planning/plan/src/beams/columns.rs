@@ -11,8 +11,8 @@ const SURPLUS: f64 = 0.6;
 /// again from what remains while that is better.
 pub fn search<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>) -> Result<(), Stop> {
     let mut now = greedy::search(evaluator)?;
-    let (ring, wanted) = (evaluator.ring(), evaluator.beams());
-    let most = wanted + ((SURPLUS * wanted as f64).ceil() as usize).max(1);
+    let (ring, requested) = (evaluator.ring(), evaluator.beams());
+    let most = requested + ((SURPLUS * requested as f64).ceil() as usize).max(1);
     loop {
         let before = now.cost;
         let mut grown = now;
@@ -22,7 +22,7 @@ pub fn search<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>) -> Result
             let Ok(set) = ring.set(&[grown.beams.beams(), &[beam]].concat()) else { break };
             grown = evaluator.evaluate(&set, Some(&grown))?;
         }
-        while grown.beams.beams().len() > wanted {
+        while grown.beams.beams().len() > requested {
             let mut beams = grown.beams.beams().to_vec();
             beams.remove(by_burden(&grown)[0]);
             let Ok(set) = ring.set(&beams) else { break };

@@ -324,17 +324,17 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     }
 
     /// How much each of `candidates` promises beside a solved set, or beside no beam at all. Counted, one for each.
-    pub fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+    pub fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         self.prices += candidates.len();
-        let key = beside.map_or_else(BeamSet::default, |beside| beside.beams.clone());
+        let key = base.map_or_else(BeamSet::default, |base| base.beams.clone());
         if let Some((of, prices)) = self.memo.priced.get(&key)
             && of == candidates
         {
             return Ok(prices.clone());
         }
         let prices = match &mut self.elsewhere {
-            Some(solver) => solver.price(beside, candidates)?,
-            None => self.local().price(beside, candidates)?,
+            Some(solver) => solver.price(base, candidates)?,
+            None => self.local().price(base, candidates)?,
         };
         self.memo.priced.insert(key, (candidates.to_vec(), prices.clone()));
         Ok(prices)

@@ -53,7 +53,7 @@ impl Geometry {
             }
             Some(grid.index(voxel))
         };
-        let way = |from: [f64; 3], to: [f64; 3]| {
+        let direction = |from: [f64; 3], to: [f64; 3]| {
             let along: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
             let length = along.iter().map(|d| d * d).sum::<f64>().sqrt();
             let mut sum = 0.0;
@@ -75,7 +75,7 @@ impl Geometry {
         let of_beam = |beam: u16| {
             let frame = BeamFrame::new(ring.angle_deg(beam), case.position(), case.isocentre_mm(), SAD_MM);
             let source = frame.source_mm();
-            points.iter().map(|point| way(*point, source)).sum::<f64>() / points.len().max(1) as f64
+            points.iter().map(|point| direction(*point, source)).sum::<f64>() / points.len().max(1) as f64
         };
         let burden: Vec<f64> = (0..ring.count()).map(of_beam).collect();
         let mean = burden.iter().sum::<f64>() / burden.len() as f64;
@@ -85,13 +85,13 @@ impl Geometry {
 }
 
 impl Prior for Geometry {
-    fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64> {
+    fn scores(&self, ring: Ring, retained: &[u16], candidates: &[u16]) -> Vec<f64> {
         let overlap = |beam: u16| {
             let near = |other: &u16| {
                 let apart = f64::from(ring.steps_between(beam, *other)) * ring.step_deg() / OVERLAP_DEG;
                 libm::exp(-0.5 * apart * apart)
             };
-            OVERLAP * kept.iter().map(near).sum::<f64>()
+            OVERLAP * retained.iter().map(near).sum::<f64>()
         };
         let of_beam = |beam: u16| self.burden[usize::from(self.ring.nearest(ring.angle_deg(beam)))];
         candidates.iter().map(|beam| -of_beam(*beam) - overlap(*beam)).collect()

@@ -11,7 +11,7 @@ const PASSES: usize = 4;
 /// Scores of candidate beams beside the beams that stay: finite, higher is better, one per candidate, the same for the same input.
 pub trait Prior: Send + Sync {
     /// The scores, in the order of the candidates.
-    fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64>;
+    fn scores(&self, ring: Ring, retained: &[u16], candidates: &[u16]) -> Vec<f64>;
 }
 
 /// Every beam is as good as any other.
@@ -33,9 +33,9 @@ pub struct ClassAngles {
 }
 
 impl Prior for ClassAngles {
-    fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64> {
+    fn scores(&self, ring: Ring, retained: &[u16], candidates: &[u16]) -> Vec<f64> {
         let mut open: Vec<u16> = self.degrees.iter().map(|angle| ring.nearest(*angle)).collect();
-        for beam in kept {
+        for beam in retained {
             let near = (0..open.len()).min_by_key(|i| ring.steps_between(open[*i], *beam));
             near.map(|near| open.remove(near));
         }
@@ -52,10 +52,10 @@ pub struct Mixture<'a> {
 }
 
 impl Prior for Mixture<'_> {
-    fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64> {
+    fn scores(&self, ring: Ring, retained: &[u16], candidates: &[u16]) -> Vec<f64> {
         let mut sum = vec![0.0; candidates.len()];
         for (weight, prior) in &self.parts {
-            let scores = standardised(&prior.scores(ring, kept, candidates));
+            let scores = standardised(&prior.scores(ring, retained, candidates));
             sum.iter_mut().zip(scores).for_each(|(sum, score)| *sum += weight * score);
         }
         sum
@@ -90,10 +90,10 @@ pub enum PriorError {
 pub fn checked_scores(
     prior: &dyn Prior,
     ring: Ring,
-    kept: &[u16],
+    retained: &[u16],
     candidates: &[u16],
 ) -> Result<Vec<f64>, PriorError> {
-    let scores = prior.scores(ring, kept, candidates);
+    let scores = prior.scores(ring, retained, candidates);
     if scores.len() != candidates.len() {
         return Err(PriorError::Count { found: scores.len(), expected: candidates.len() });
     }
@@ -120,9 +120,9 @@ pub fn set_of_prior(prior: &dyn Prior, ring: Ring, beams: usize) -> Result<BeamS
     for _ in 0..PASSES {
         let before = ring.set(&chosen)?;
         for slot in 0..chosen.len() {
-            let mut kept = chosen.clone();
-            kept.remove(slot);
-            if let Some(beam) = highest(prior, ring, &kept, &ring.legal(&kept))? {
+            let mut retained = chosen.clone();
+            retained.remove(slot);
+            if let Some(beam) = highest(prior, ring, &retained, &ring.legal(&retained))? {
                 chosen[slot] = beam;
             }
         }
@@ -136,11 +136,11 @@ pub fn set_of_prior(prior: &dyn Prior, ring: Ring, beams: usize) -> Result<BeamS
 fn highest(
     prior: &dyn Prior,
     ring: Ring,
-    kept: &[u16],
+    retained: &[u16],
     candidates: &[u16],
 ) -> Result<Option<u16>, PriorError> {
-    let scores = checked_scores(prior, ring, kept, candidates)?;
-    let apart = |beam: u16| kept.iter().map(|other| ring.steps_between(beam, *other)).min().unwrap_or(0);
+    let scores = checked_scores(prior, ring, retained, candidates)?;
+    let apart = |beam: u16| retained.iter().map(|other| ring.steps_between(beam, *other)).min().unwrap_or(0);
     let scored = candidates.iter().copied().zip(scores);
     let better = |a: (u16, f64), b: (u16, f64)| {
         let order = b.1.total_cmp(&a.1).then(apart(b.0).cmp(&apart(a.0)));

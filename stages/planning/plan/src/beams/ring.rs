@@ -217,9 +217,9 @@ mod tests {
                 assert!(off.min(360.0 - off) <= 0.005 + 1e-9, "{angle}");
             }
         }
-        let said = |angles: &[f64]| usual.for_angles(angles).unwrap_err().to_string();
-        assert!(said(&[40.0, 400.0]).contains("40 degrees"));
-        assert!(said(&[f64::NAN]).contains("NaN"));
+        let warning = |angles: &[f64]| usual.for_angles(angles).unwrap_err().to_string();
+        assert!(warning(&[40.0, 400.0]).contains("40 degrees"));
+        assert!(warning(&[f64::NAN]).contains("NaN"));
         assert!(usual.for_angles(&(0..360).map(f64::from).collect::<Vec<_>>()).is_ok());
     }
 

@@ -56,7 +56,7 @@ pub trait Solver {
     ///
     /// # Errors
     /// As for [`Solver::solve`].
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop>;
+    fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop>;
 }
 
 /// The threads of this process.
@@ -88,9 +88,9 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         })
     }
 
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+    fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         let influence = self.influence;
-        let slopes = slopes_beside(self.goals, beside.map(|beside| &beside.plan))?;
+        let slopes = slopes_at(self.goals, base.map(|base| &base.plan))?;
         on_threads(candidates, self.threads, |candidate| {
             Ok(price_beam(self.goals, &slopes, &influence.beam(*candidate))?)
         })
@@ -119,10 +119,10 @@ pub fn solve_beams(
 /// The goals and matrices make no problem.
 pub fn price_beams(
     goals: &Goals,
-    beside: Option<&Plan>,
+    base: Option<&Plan>,
     matrices: &[Setups<'_>],
 ) -> Result<Vec<f64>, GoalsError> {
-    let slopes = slopes_beside(goals, beside)?;
+    let slopes = slopes_at(goals, base)?;
     matrices.iter().map(|beam| price_beam(goals, &slopes, beam)).collect()
 }
 
@@ -141,8 +141,8 @@ pub fn start_weights(set: &BeamSet, columns: &[usize], near: Option<&Evaluated>)
     Some(weights)
 }
 
-fn slopes_beside(goals: &Goals, beside: Option<&Plan>) -> Result<Slopes, GoalsError> {
-    match beside {
+fn slopes_at(goals: &Goals, base: Option<&Plan>) -> Result<Slopes, GoalsError> {
+    match base {
         Some(plan) => Ok(Slopes::new(goals, plan)),
         None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)?)),
     }

@@ -116,8 +116,8 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
     for &bixel in &aim.bixels_mm {
         let fluence = aim.fluence(engine, bixel);
         let axis = BixelAxis::new(bixel, aim.frame.sad_mm());
-        let mut put = |place: usize, beside: [f32; 2], depth_dose: &[f32; 4]| {
-            let lateral = aim.lateral(beside);
+        let mut put = |place: usize, offset: [f32; 2], depth_dose: &[f32; 4]| {
+            let lateral = aim.lateral(offset);
             let dose = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum::<f32>() * fluence;
             // A kernel's far tail may be negative; no dose is.
             if dose > 0.0 {
@@ -128,11 +128,11 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
         match aim.pencil(engine, bixel) {
             Pencil::Outside => {}
             Pencil::Inside => {
-                voxels.each_beside(&axis, cutoff2, |place, beside| put(place, beside, &depth_dose[place]))
+                voxels.each_near(&axis, cutoff2, |place, offset| put(place, offset, &depth_dose[place]))
             }
-            Pencil::Edge(carried) => voxels.each_beside(&axis, cutoff2, |place, beside| {
+            Pencil::Edge(carried) => voxels.each_near(&axis, cutoff2, |place, offset| {
                 let [y_mm, inverse_square] = voxels.along[place];
-                put(place, beside, &carried.holding(&depth_dose[place], y_mm, inverse_square));
+                put(place, offset, &carried.holding(&depth_dose[place], y_mm, inverse_square));
             }),
         }
         starts.push(row.len() as u64);
@@ -202,14 +202,14 @@ impl Voxels {
 
     /// The voxels whose distance beside an axis is within the cutoff, and where they lie beside it.
     #[inline]
-    pub fn each_beside(&self, axis: &BixelAxis, cutoff2: f32, mut visit: impl FnMut(usize, [f32; 2])) {
+    pub fn each_near(&self, axis: &BixelAxis, cutoff2: f32, mut visit: impl FnMut(usize, [f32; 2])) {
         const BLOCK: usize = 128;
-        let mut beside = [[0.0; 2]; BLOCK];
+        let mut offset = [[0.0; 2]; BLOCK];
         for (block, (x, z)) in self.x_mm.chunks(BLOCK).zip(self.z_mm.chunks(BLOCK)).enumerate() {
-            for ((beside, &x), &z) in beside.iter_mut().zip(x).zip(z) {
-                *beside = axis.beside([x, z]);
+            for ((offset, &x), &z) in offset.iter_mut().zip(x).zip(z) {
+                *offset = axis.offset([x, z]);
             }
-            for (i, &[x, z]) in beside[..x.len()].iter().enumerate() {
+            for (i, &[x, z]) in offset[..x.len()].iter().enumerate() {
                 if x * x + z * z <= cutoff2 {
                     visit(block * BLOCK + i, [x, z]);
                 }
@@ -243,7 +243,7 @@ impl BixelAxis {
 
     /// How far beside the axis the line through a place of the isocentre plane is, where it is `sad_mm` along the axis.
     #[inline]
-    pub fn beside(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+    pub fn offset(&self, [x, z]: [f32; 2]) -> [f32; 2] {
         let along = |axis: &[f32; 3]| axis[0] * x + axis[1] + axis[2] * z;
         let scale = self.sad_mm / along(&self.y);
         [along(&self.x) * scale, along(&self.z) * scale]

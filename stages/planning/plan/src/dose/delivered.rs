@@ -101,10 +101,10 @@ impl DoseEngine {
         let cutoff2 = (self.params.cutoff_mm * self.params.cutoff_mm) as f32;
         for (place, fluence, carried) in bixels {
             let axis = BixelAxis::new(*place, aim.frame.sad_mm());
-            voxels.each_beside(&axis, cutoff2, |voxel, beside| {
+            voxels.each_near(&axis, cutoff2, |voxel, offset| {
                 let [y_mm, inverse_square] = voxels.along[voxel];
                 let depth_dose = carried.holding(&voxels.depth_dose[voxel], y_mm, inverse_square);
-                let lateral = aim.lateral(beside);
+                let lateral = aim.lateral(offset);
                 let sum: f32 = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum();
                 dose[voxels.row[voxel] as usize] += fluence * sum;
             });
@@ -157,9 +157,9 @@ impl Plane {
             let row = &mut self.places[j * self.counts[0]..(j + 1) * self.counts[0]];
             for i in across.clone() {
                 let x = (self.first_mm[0] + i as f64 * STEP_MM) as f32;
-                let beside = axis.beside([x, z]);
-                if beside[0] * beside[0] + beside[1] * beside[1] <= cutoff2 {
-                    let lateral = aim.lateral(beside);
+                let offset = axis.offset([x, z]);
+                if offset[0] * offset[0] + offset[1] * offset[1] <= cutoff2 {
+                    let lateral = aim.lateral(offset);
                     row[i].iter_mut().zip(lateral).for_each(|(sum, part)| *sum += weight * part);
                 }
             }

@@ -166,13 +166,13 @@ impl DoseEngine {
 
     /// The same patient, of whom only these rows get dose: voxels of the dose grid, or samples.
     pub fn within(&self, rows: &[u32]) -> Self {
-        let mut wanted = vec![false; self.rows()];
+        let mut requested = vec![false; self.rows()];
         for row in rows {
-            if let Some(wanted) = wanted.get_mut(*row as usize) {
-                *wanted = true;
+            if let Some(requested) = requested.get_mut(*row as usize) {
+                *requested = true;
             }
         }
-        let voxels = self.voxels.iter().copied().filter(|v| wanted[self.row_of(*v) as usize]).collect();
+        let voxels = self.voxels.iter().copied().filter(|v| requested[self.row_of(*v) as usize]).collect();
         Self { voxels, ..self.clone() }
     }
 

@@ -165,7 +165,7 @@ impl Machine {
             return Vec::new();
         };
         let hu = |voxel: usize| f64::from(case.hu()[voxel]);
-        let said = |is_beyond: &dyn Fn(f64) -> bool, side: &str, end: f64, density: f64| {
+        let warning = |is_beyond: &dyn Fn(f64) -> bool, side: &str, end: f64, density: f64| {
             let beyond = || external.mask.indices().map(hu).filter(|hu| is_beyond(*hu));
             let farthest = beyond().max_by(|a, b| (a - end).abs().total_cmp(&(b - end).abs()))?;
             let cm3 = beyond().count() as f64 * case.grid().voxel_cm3();
@@ -174,8 +174,8 @@ impl Machine {
                  ends: they count with its density of {density}; give a machine file whose table goes on"
             ))
         };
-        let above = said(&|hu| hu > *high, "above", *high, *most);
-        let below = said(&|hu| hu < *low, "below", *low, *least);
+        let above = warning(&|hu| hu > *high, "above", *high, *most);
+        let below = warning(&|hu| hu < *low, "below", *low, *least);
         above.into_iter().chain(below).collect()
     }
 
@@ -338,14 +338,14 @@ mod tests {
         let shipped = Machine::shipped().unwrap();
         assert_eq!(shipped.beyond_table(&case), Vec::<String>::new());
         let short = MachineFile { hu_to_density: vec![[-1000.0, 0.0], [-500.0, 0.5]], ..small() };
-        let said = Machine::new(short).unwrap().beyond_table(&case);
+        let warning = Machine::new(short).unwrap().beyond_table(&case);
         let above = |hu: f64| {
             let body = &case.external().unwrap().mask;
             body.indices().filter(|v| f64::from(case.hu()[*v]) > hu).count() as f64 * case.grid().voxel_cm3()
         };
-        assert_eq!(said.len(), 1);
+        assert_eq!(warning.len(), 1);
         let text = format!("{:.2} cm3 of the patient have above -500 HU", above(-500.0));
-        assert!(said[0].starts_with(&text) && said[0].contains("density of 0.5"), "{said:?}");
+        assert!(warning[0].starts_with(&text) && warning[0].contains("density of 0.5"), "{warning:?}");
     }
 
     #[test]

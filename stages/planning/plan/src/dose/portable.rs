@@ -245,10 +245,10 @@ mod tests {
     fn an_engine_from_bytes_gives_the_same_dose() {
         let engine = engine();
         let bytes = engine.to_bytes().unwrap();
-        let again = DoseEngine::from_bytes(&bytes).unwrap();
-        assert_eq!(again.to_bytes().unwrap(), bytes);
-        assert_eq!(again.beam(36.0).unwrap(), engine.beam(36.0).unwrap());
-        assert_eq!(again.beam_file(36.0).unwrap(), engine.beam_file(36.0).unwrap());
+        let repeated = DoseEngine::from_bytes(&bytes).unwrap();
+        assert_eq!(repeated.to_bytes().unwrap(), bytes);
+        assert_eq!(repeated.beam(36.0).unwrap(), engine.beam(36.0).unwrap());
+        assert_eq!(repeated.beam_file(36.0).unwrap(), engine.beam_file(36.0).unwrap());
     }
 
     #[test]

@@ -149,7 +149,8 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
         Model::ByProducts(Blocks::new(matrix.rows(), scale.clone()))
     };
     let (mut pull, mut change) = (vec![0.0; matrix.rows()], vec![0.0; matrix.rows()]);
-    let (mut gradient, mut u, mut z, mut way) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let (mut gradient, mut u, mut z, mut direction) =
+        (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let (mut damping, mut settled, mut unseen, mut steps) = (DAMPING[1], false, 0, 0);
     let nothing = NOTHING * problem.objective(&pull);
     let mut objective = problem.objective(&dose);
@@ -176,13 +177,13 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
             continue;
         }
         for j in 0..n {
-            way[j] = scale[j] * (z[j] - u[j]);
+            direction[j] = scale[j] * (z[j] - u[j]);
         }
-        problem.doses(&way, &mut change);
+        problem.doses(&direction, &mut change);
         let t = line::minimise(problem, &dose, &change, 1.0);
         for j in 0..n {
             // The whole way ends on the bounds exactly.
-            x[j] = if t == 1.0 { scale[j] * z[j] } else { x[j] + t * way[j] };
+            x[j] = if t == 1.0 { scale[j] * z[j] } else { x[j] + t * direction[j] };
         }
         for (dose, change) in dose.iter_mut().zip(&change) {
             *dose += t * change;

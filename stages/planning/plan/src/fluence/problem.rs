@@ -102,7 +102,7 @@ impl Problem {
     ) -> Result<Self, ProblemError> {
         let matrix = matrix.into();
         let rows = matrix.rows();
-        let mut kept = Vec::new();
+        let mut retained = Vec::new();
         for (i, term) in terms.into_iter().enumerate() {
             if term.row as usize >= rows {
                 return Err(ProblemError::Row { term: i, row: term.row, rows });
@@ -114,18 +114,19 @@ impl Problem {
                 return Err(ProblemError::Weight { term: i, weight: term.weight });
             }
             if term.weight > 0.0 {
-                kept.push(term);
+                retained.push(term);
             }
         }
-        kept.sort_by_key(|term| term.row);
+        retained.sort_by_key(|term| term.row);
         let mut starts = vec![0; rows + 1];
-        for term in &kept {
+        for term in &retained {
             starts[term.row as usize + 1] += 1;
         }
         for row in 0..rows {
             starts[row + 1] += starts[row];
         }
-        let problem = Self { matrix, terms: kept, starts, regions: Vec::new(), threads: NonZeroUsize::MIN };
+        let problem =
+            Self { matrix, terms: retained, starts, regions: Vec::new(), threads: NonZeroUsize::MIN };
         problem.checked()
     }
 
@@ -218,11 +219,11 @@ impl Problem {
     /// them are kept.
     pub fn thinned(&self, of: usize, step: usize) -> Self {
         let row = |row: usize| if row < of { row / step } else { row - of + of.div_ceil(step) };
-        let kept = self
+        let retained = self
             .terms
             .iter()
             .filter(|term| term.row as usize >= of || (term.row as usize).is_multiple_of(step));
-        let terms: Vec<Term> = kept
+        let terms: Vec<Term> = retained
             .map(|term| {
                 let share = if (term.row as usize) < of { step as f64 } else { 1.0 };
                 Term { row: row(term.row as usize) as u32, weight: share * term.weight, ..*term }

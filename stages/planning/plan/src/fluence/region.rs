@@ -119,8 +119,8 @@ impl RegionTerm {
 
     /// The same for every `step`-th of the first `of` rows, where it has any of them.
     pub fn thinned(&self, of: usize, step: usize) -> Self {
-        let kept = |row: u32| (row as usize) < of && (row as usize).is_multiple_of(step);
-        let rows: Vec<(u32, f64)> = self.rows.iter().filter(|(row, _)| kept(*row)).copied().collect();
+        let retained = |row: u32| (row as usize) < of && (row as usize).is_multiple_of(step);
+        let rows: Vec<(u32, f64)> = self.rows.iter().filter(|(row, _)| retained(*row)).copied().collect();
         let whole: f64 = rows.iter().map(|(_, share)| share).sum();
         let rows = rows.into_iter().map(|(row, share)| (row / step as u32, share / whole)).collect();
         Self { rows, ..self.clone() }

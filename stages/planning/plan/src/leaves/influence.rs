@@ -14,9 +14,9 @@ pub struct Passed {
 pub fn of_segments(bixels: &Setups<'_>, rows: &[u32], passed: &Passed) -> Result<Rows, RowsError> {
     let count = passed.segments;
     let mut sums = vec![0.0_f64; count];
-    let mut wanted = rows.iter().copied().peekable();
+    let mut requested = rows.iter().copied().peekable();
     let entries = (0..bixels.rows()).map(|row| {
-        if wanted.next_if_eq(&(row as u32)).is_none() {
+        if requested.next_if_eq(&(row as u32)).is_none() {
             return Vec::new();
         }
         sums.fill(0.0);

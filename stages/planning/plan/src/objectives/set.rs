@@ -400,10 +400,10 @@ mod tests {
             let found: Vec<_> = results.iter().filter(|r| r.structure == "Rectum").collect();
             let values: Vec<f64> = found.iter().map(|r| r.measured.as_ref().unwrap().value).collect();
             assert_eq!(values, [rectum.geud(8.0), 100.0 * rectum.volume_at(20.0), rectum.mean()]);
-            assert_eq!(found[1].measured.as_ref().unwrap().wanted(), "V20Gy <= 30 %");
+            assert_eq!(found[1].measured.as_ref().unwrap().requested(), "V20Gy <= 30 %");
             assert_eq!(found[0].met, Some(rectum.geud(8.0) <= 0.4 * 78.0));
             let bladder = results.iter().find(|r| r.structure == "Bladder").unwrap();
-            assert_eq!(bladder.measured.as_ref().unwrap().wanted(), "D10% <= 30 Gy");
+            assert_eq!(bladder.measured.as_ref().unwrap().requested(), "D10% <= 30 Gy");
             let text = serde_json::to_string(&results).unwrap();
             assert_eq!(serde_json::from_str::<Vec<super::super::ObjectiveResult>>(&text).unwrap(), results);
             assert!(set.results(&goals, &dose[1..], &evaluation).is_err());

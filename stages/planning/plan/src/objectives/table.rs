@@ -106,21 +106,30 @@ mod tests {
     #[test]
     fn what_is_no_table_is_refused_with_its_place_and_what_is_due() {
         let refused = |text: &str| ObjectiveTable::parse(text).unwrap_err().to_string();
-        let wish =
-            |wish: &str| refused(&format!(r#"{{"objectives": [{{"match": ["a"], "wanted": [{wish}]}}]}}"#));
+        let structure_objectives = |structure_objectives: &str| {
+            refused(&format!(r#"{{"objectives": [{{"match": ["a"], "wanted": [{structure_objectives}]}}]}}"#))
+        };
         assert!(refused("[]").contains("write them like"));
         assert!(
             refused(r#"{"objectives": [{"role": "organ", "wanted": []}, {"wanted": []}]}"#)
                 .contains("line 2")
         );
         assert!(refused(r#"{"objectives": [{"match": ["*"], "wanted": []}]}"#).contains("line 1"));
-        assert!(wish(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy`, `95 %`"));
         assert!(
-            wish(r#"{"dvh_at_most": {"dose": "3 Gy", "volume": "130 %", "weight": 1}}"#)
+            structure_objectives(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy`, `95 %`")
+        );
+        assert!(
+            structure_objectives(r#"{"dvh_at_most": {"dose": "3 Gy", "volume": "130 %", "weight": 1}}"#)
                 .contains("is not a volume")
         );
-        assert!(wish(r#"{"overdoes": {}}"#).contains("unknown variant"));
-        assert!(wish(r#"{"dvh_point": {"limit": "D95 > 50 Gy", "weight": 1}}"#).contains("`D95% >= 50 Gy`"));
-        assert!(wish(r#"{"geud": {"a": 8, "limit": "30 Gy", "weight": 1}}"#).contains("`<= 30 Gy`"));
+        assert!(structure_objectives(r#"{"overdoes": {}}"#).contains("unknown variant"));
+        assert!(
+            structure_objectives(r#"{"dvh_point": {"limit": "D95 > 50 Gy", "weight": 1}}"#)
+                .contains("`D95% >= 50 Gy`")
+        );
+        assert!(
+            structure_objectives(r#"{"geud": {"a": 8, "limit": "30 Gy", "weight": 1}}"#)
+                .contains("`<= 30 Gy`")
+        );
     }
 }

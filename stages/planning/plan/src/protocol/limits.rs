@@ -225,10 +225,10 @@ mod tests {
             ],
         };
         let judged = protocol.judge(&case, &on_grid.evaluate(&gray));
-        let told: Vec<(&str, Option<bool>)> =
+        let reported: Vec<(&str, Option<bool>)> =
             judged.iter().map(|j| (j.structure.as_str(), j.passed)).collect();
         assert_eq!(
-            told,
+            reported,
             [
                 ("PTV", Some(true)),
                 ("PTV", Some(true)),

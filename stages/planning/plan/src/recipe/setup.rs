@@ -21,7 +21,7 @@ pub struct PlanSetup {
     /// The points whose dose is optimised.
     pub sampling: Sampling,
     /// The objectives of each structure in gray, on the points that count for it.
-    pub aims: ObjectiveSet,
+    pub objective_set: ObjectiveSet,
     /// The same as plans are solved for: over all set-ups, or in the robust game for the planned set-up.
     pub goals: Goals,
     /// The goals of the robust game in two parts: of what moves with the patient, and of what counts as planned.
@@ -87,19 +87,19 @@ impl PlanSetup {
         let over = DoseParams::over(case.grid(), spec.grid_mm);
         let params = DoseParams { grid: *sampling.grid(), bixels, ..over };
         let engine = sampling.engine(&DoseEngine::of_case(&case, spec.machine.clone(), params)?);
-        let aims = spec.objectives.for_points(&case, &sampling)?;
+        let objective_set = spec.objectives.for_points(&case, &sampling)?;
         let is_game = spec.robust_by == RobustBy::Worst;
-        let goals = aims.goals(if is_game { 1 } else { 1 + spec.errors_mm.len() })?;
-        let parts = is_game.then(|| aims.parts()).transpose()?;
+        let goals = objective_set.goals(if is_game { 1 } else { 1 + spec.errors_mm.len() })?;
+        let parts = is_game.then(|| objective_set.parts()).transpose()?;
         let mut engines = Vec::with_capacity(1 + spec.errors_mm.len());
         if !spec.errors_mm.is_empty() {
-            let moving = engine.within(aims.followed());
+            let moving = engine.within(objective_set.followed());
             for shift_mm in &spec.errors_mm {
                 engines.push(moving.shifted(*shift_mm)?);
             }
         }
         engines.insert(0, engine);
-        Ok(Self { case, hash, spec, sampling, aims, goals, parts, engines })
+        Ok(Self { case, hash, spec, sampling, objective_set, goals, parts, engines })
     }
 
     /// The engine of the points in the planned set-up.

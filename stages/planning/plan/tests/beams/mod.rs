@@ -99,8 +99,8 @@ impl Solver for Noted<'_> {
         self.local.solve(sets, near, tolerance)
     }
 
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
-        self.local.price(beside, candidates)
+    fn price(&mut self, neighbour: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+        self.local.price(neighbour, candidates)
     }
 }
 
@@ -118,11 +118,11 @@ fn an_evaluator_solves_to_the_tolerance_that_it_is_given_and_to_none_that_is_no_
         }
         let solved = evaluator.evaluate(&set, None).unwrap();
         drop(evaluator);
-        let wanted = tolerance.unwrap_or(SOLVE_TOLERANCE);
-        assert_eq!(noted.tolerances, [wanted]);
+        let requested = tolerance.unwrap_or(SOLVE_TOLERANCE);
+        assert_eq!(noted.tolerances, [requested]);
         assert!(
-            solved.plan.certificate.excess <= wanted * solved.cost,
-            "{wanted}: {:?}",
+            solved.plan.certificate.excess <= requested * solved.cost,
+            "{requested}: {:?}",
             solved.plan.certificate
         );
     }
@@ -161,35 +161,35 @@ fn ring() -> Ring {
 
 fn run(method: &Method, solves: usize, threads: usize) -> (Choice, Vec<Progress>, usize) {
     let (matrices, goals) = disc();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     let (choice, prices) = {
         let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves });
         let mut evaluator = evaluator
             .with_threads(NonZeroUsize::new(threads).unwrap())
-            .with_progress(|progress| told.push(progress.clone()));
+            .with_progress(|progress| reported.push(progress.clone()));
         let choice = choose(method, &mut evaluator, None, 7).unwrap();
         (choice, evaluator.prices())
     };
-    (choice, told, prices)
+    (choice, reported, prices)
 }
 
 #[test]
 fn every_method_keeps_to_the_budget_and_to_the_separation() {
     for method in methods() {
-        let (choice, told, _) = run(&method, 30, 1);
+        let (choice, reported, _) = run(&method, 30, 1);
         assert!(
-            told.len() <= 30 && (choice.spent || told.len() < 30 || method == Method::Random),
+            reported.len() <= 30 && (choice.spent || reported.len() < 30 || method == Method::Random),
             "{method:?}"
         );
         assert_eq!(choice.best.beams.beams().len(), BEAMS);
-        let best = told.last().unwrap().best;
+        let best = reported.last().unwrap().best;
         assert_eq!(best, choice.best.cost, "{method:?}");
-        for (i, progress) in told.iter().enumerate() {
+        for (i, progress) in reported.iter().enumerate() {
             assert_eq!(progress.solves, i + 1);
             assert!(ring().set(progress.beams.beams()).is_ok());
-            assert!(i == 0 || progress.best <= told[i - 1].best);
+            assert!(i == 0 || progress.best <= reported[i - 1].best);
             assert!(
-                told[..i].iter().all(|earlier| earlier.beams != progress.beams),
+                reported[..i].iter().all(|earlier| earlier.beams != progress.beams),
                 "{method:?} solves a set twice"
             );
         }
@@ -201,8 +201,8 @@ fn every_method_keeps_to_the_budget_and_to_the_separation() {
 fn methods_that_go_on_end_exactly_at_the_budget() {
     let search = Method::Search(SearchOptions::default());
     for method in [Method::Random, Method::Exchange(Vec::new()), Method::Annealing, search] {
-        let (choice, told, _) = run(&method, 17, 2);
-        assert!(choice.spent && told.len() == 17, "{method:?}: {}", told.len());
+        let (choice, reported, _) = run(&method, 17, 2);
+        assert!(choice.spent && reported.len() == 17, "{method:?}: {}", reported.len());
     }
 }
 
@@ -232,13 +232,14 @@ fn search_pays_on_the_disc() {
 #[test]
 fn exchange_begins_at_the_given_sets_and_prices_beside_the_four_that_stay() {
     let starts = vec![vec![0.0, 72.0, 144.0, 216.0, 288.0], vec![20.0, 100.0, 180.0, 260.0, 324.0]];
-    let (choice, told, _) = run(&Method::Exchange(starts.clone()), 40, 1);
-    let angles = |i: usize| told[i].beams.beams().iter().map(|b| ring().angle_deg(*b)).collect::<Vec<_>>();
+    let (choice, reported, _) = run(&Method::Exchange(starts.clone()), 40, 1);
+    let angles =
+        |i: usize| reported[i].beams.beams().iter().map(|b| ring().angle_deg(*b)).collect::<Vec<_>>();
     assert_eq!([angles(0), angles(1)], [starts[0].clone(), starts[1].clone()]);
-    let first = told[0].cost.min(told[1].cost);
-    assert_eq!(told[2].beams.beams().len(), BEAMS - 1, "the set without one beam is solved");
-    for replaced in &told[3..5] {
-        assert!(told[2].beams.beams().iter().all(|beam| replaced.beams.beams().contains(beam)));
+    let first = reported[0].cost.min(reported[1].cost);
+    assert_eq!(reported[2].beams.beams().len(), BEAMS - 1, "the set without one beam is solved");
+    for replaced in &reported[3..5] {
+        assert!(reported[2].beams.beams().iter().all(|beam| replaced.beams.beams().contains(beam)));
     }
     assert!(choice.spent && choice.best.cost < first, "{} {first}", choice.best.cost);
     let wrong = Method::Exchange(vec![vec![0.0, 90.0]]);
@@ -249,9 +250,9 @@ fn exchange_begins_at_the_given_sets_and_prices_beside_the_four_that_stay() {
 
 #[test]
 fn greedy_takes_a_solve_for_each_beam_and_counts_its_prices() {
-    let (choice, told, prices) = run(&Method::Greedy, 100, 1);
+    let (choice, reported, prices) = run(&Method::Greedy, 100, 1);
     assert!(!choice.spent);
-    assert_eq!(told.len(), BEAMS);
+    assert_eq!(reported.len(), BEAMS);
     // 90 beams, then those of the other rounds that keep their distance.
     assert!((90 + 81..=90 * BEAMS).contains(&prices), "{prices}");
 }
@@ -316,25 +317,30 @@ fn random_sets_come_up_equally_often() {
 fn search_improves_on_its_start_and_follows_the_best_set() {
     let options =
         SearchOptions { starts: vec![vec![0.0, 72.0, 144.0, 216.0, 288.0]], ..SearchOptions::default() };
-    let (choice, told, prices) = run(&Method::Search(options.clone()), 60, 1);
-    assert_eq!(told[0].beams.beams(), [0, 18, 36, 54, 72]);
-    assert_eq!(told[1].beams.beams().len(), BEAMS - 1, "a set without one beam is solved and priced");
-    assert!(prices > 0 && choice.best.cost < 0.99 * told[0].cost, "{} {}", choice.best.cost, told[0].cost);
+    let (choice, reported, prices) = run(&Method::Search(options.clone()), 60, 1);
+    assert_eq!(reported[0].beams.beams(), [0, 18, 36, 54, 72]);
+    assert_eq!(reported[1].beams.beams().len(), BEAMS - 1, "a set without one beam is solved and priced");
+    assert!(
+        prices > 0 && choice.best.cost < 0.99 * reported[0].cost,
+        "{} {}",
+        choice.best.cost,
+        reported[0].cost
+    );
     // Each set is a move from a set that was solved before: one beam less, or another one in its place.
-    let told_of = |from: &BeamSet| told.iter().position(|earlier| earlier.beams == *from);
+    let told_of = |from: &BeamSet| reported.iter().position(|earlier| earlier.beams == *from);
     let moved = |to: &BeamSet, from: &BeamSet| {
         to.beams().iter().filter(|beam| !from.beams().contains(beam)).count() <= 1
     };
-    for (place, progress) in told.iter().enumerate().filter(|(_, progress)| progress.from.is_some()) {
+    for (place, progress) in reported.iter().enumerate().filter(|(_, progress)| progress.from.is_some()) {
         let from = progress.from.as_ref().unwrap();
         assert!(told_of(from).unwrap() < place && moved(&progress.beams, from), "{progress:?}");
     }
-    assert!(told.iter().filter(|progress| progress.from.is_none()).count() < 10);
+    assert!(reported.iter().filter(|progress| progress.from.is_none()).count() < 10);
     // Without prices no smaller set is solved, and nothing is priced.
     let plain = SearchOptions { price: 0.0, ..options };
-    let (choice, told, prices) = run(&Method::Search(plain), 60, 1);
-    assert!(prices == 0 && told.iter().all(|progress| progress.beams.beams().len() == BEAMS));
-    assert!(choice.best.cost <= told[0].cost);
+    let (choice, reported, prices) = run(&Method::Search(plain), 60, 1);
+    assert!(prices == 0 && reported.iter().all(|progress| progress.beams.beams().len() == BEAMS));
+    assert!(choice.best.cost <= reported[0].cost);
 }
 
 #[test]
@@ -382,11 +388,14 @@ fn a_search_in_parts_takes_the_way_of_the_whole() {
             let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, budget);
             let mut evaluator = evaluator.with_memo(memo).with_pause(solves);
             let _ = choose(&method, &mut evaluator, None, 7);
-            let (part, way) = (evaluator.history(), &whole[..solves]);
+            let (part, direction) = (evaluator.history(), &whole[..solves]);
             assert_eq!(part.len(), solves, "{method:?}");
             // Prices that were asked for just before a pause are counted then.
             let seen = |p: &Progress| (p.solves, p.beams.clone(), p.cost, p.best);
-            assert!(part.iter().map(seen).eq(way.iter().map(seen)), "{method:?}: {part:?} {way:?}");
+            assert!(
+                part.iter().map(seen).eq(direction.iter().map(seen)),
+                "{method:?}: {part:?} {direction:?}"
+            );
             memo = evaluator.into_memo();
         }
     }

@@ -31,8 +31,9 @@ fn play(errors: Option<usize>, solves: usize, threads: usize) -> (Evaluated, Vec
 /// The body counts as planned.
 fn parts(goals: &Goals) -> (Goals, Goals) {
     let of = |body: bool| {
-        let wanted = goals.structures().iter().filter(|wanted| (wanted.name == "body") == body).cloned();
-        Goals::new(wanted.collect(), SIDE * SIDE).unwrap()
+        let requested =
+            goals.structures().iter().filter(|requested| (requested.name == "body") == body).cloned();
+        Goals::new(requested.collect(), SIDE * SIDE).unwrap()
     };
     (of(false), of(true))
 }
@@ -75,7 +76,7 @@ fn by_hand(plan: &Evaluated, goals: &Goals, moved: [f64; 2]) -> f64 {
 #[test]
 fn the_value_of_a_set_is_the_most_that_its_plan_costs_over_the_list() {
     let (_, goals) = disc();
-    let (best, told) = play(Some(4), 40, 1);
+    let (best, reported) = play(Some(4), 40, 1);
     let answer = best.answer.clone().unwrap();
     let planned = best.plan.certificate.objective;
     for (cost, moved) in answer.costs.iter().zip(ERRORS) {
@@ -85,7 +86,7 @@ fn the_value_of_a_set_is_the_most_that_its_plan_costs_over_the_list() {
     let worst = answer.costs.iter().copied().fold(planned, f64::max);
     assert_eq!(best.cost, worst);
     assert_eq!(answer.costs[answer.error.unwrap()], worst, "an error on this disc costs");
-    let whole = told.iter().filter(|p| p.beams.beams().len() == BEAMS);
+    let whole = reported.iter().filter(|p| p.beams.beams().len() == BEAMS);
     assert_eq!(best.cost, whole.map(|p| p.cost).fold(f64::INFINITY, f64::min));
 }
 

@@ -50,8 +50,8 @@ fn two_beams_on_a_pelvis_agree_with_the_reference() {
         let starts: Vec<i64> = npz.by_name(&format!("{prefix}_colptr")).unwrap().unwrap().into_vec().unwrap();
         let rows: Vec<i32> = npz.by_name(&format!("{prefix}_row")).unwrap().unwrap().into_vec().unwrap();
         let values: Vec<f32> = npz.by_name(&format!("{prefix}_data")).unwrap().unwrap().into_vec().unwrap();
-        for (kept, column) in reference["kept_columns"].as_array().unwrap().iter().enumerate() {
-            let range = starts[kept] as usize..starts[kept + 1] as usize;
+        for (retained, column) in reference["kept_columns"].as_array().unwrap().iter().enumerate() {
+            let range = starts[retained] as usize..starts[retained + 1] as usize;
             let mut difference = vec![None; dose.rows];
             for (&row, &value) in rows[range.clone()].iter().zip(&values[range.clone()]) {
                 difference[row as usize] = Some(f64::from(value));

@@ -58,7 +58,7 @@ fn beside_the_axis_the_distance_from_the_source_counts_and_not_its_part_along_th
     let params = DoseParams { cutoff_mm: 15.0, ..phantom.params() };
     let beam = phantom.engine(machine_of_one_ssd(), params).beam(0.0).unwrap();
     let place = [80.0, 0.0];
-    let [on, beside] = [[0.0, 0.0], place].map(|bixel| column(&beam, bixel));
+    let [on, neighbour] = [[0.0, 0.0], place].map(|bixel| column(&beam, bixel));
     // The skin is at y = -102.5 mm. Without the inverse square the dose depends on the depth along the ray alone.
     let skin = 102.5;
     let bare = |y: usize| {
@@ -71,7 +71,7 @@ fn beside_the_axis_the_distance_from_the_source_counts_and_not_its_part_along_th
     let part = (depth - d0) / (d1 - d0);
     let expected = before.powf(1.0 - part) * after.powf(part) / (distance * distance);
     // The middle of the isocentre plane, 80 mm beside the axis, lies on the axis of the bixel there.
-    let found = beside[phantom.grid.index([36, 20, 20])];
+    let found = neighbour[phantom.grid.index([36, 20, 20])];
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}: {}", found / expected);
 }
 
@@ -190,8 +190,8 @@ fn no_bixel_reaches_beyond_its_cutoff_nor_outside_the_patient() {
     let dose = column(&beam, [0.0, 0.0]);
     for (voxel, dose) in dose.iter().enumerate() {
         let [x, y, z] = phantom.grid.centre_mm(phantom.grid.voxel(voxel));
-        let beside = libm::hypot(x, z) * 1000.0 / (1000.0 + y);
-        assert_eq!(*dose > 0.0, beside <= 20.0, "{:?}: {dose}", [x, y, z]);
+        let neighbour = libm::hypot(x, z) * 1000.0 / (1000.0 + y);
+        assert_eq!(*dose > 0.0, neighbour <= 20.0, "{:?}: {dose}", [x, y, z]);
     }
 }
 

@@ -17,8 +17,8 @@ fn matrix(values: &[f32]) -> Csc {
     Csc::new(VOXELS, starts, row, values[..columns * VOXELS].to_vec()).unwrap()
 }
 
-fn solve(wanted: &[StructureObjectives], matrix: &Csc) -> (Plan, Vec<f64>) {
-    let goals = Goals::new(wanted.to_vec(), VOXELS).unwrap();
+fn solve(requested: &[StructureObjectives], matrix: &Csc) -> (Plan, Vec<f64>) {
+    let goals = Goals::new(requested.to_vec(), VOXELS).unwrap();
     let rows = Rows::from_columns(matrix.view()).unwrap();
     let problem = goals.problem(&[rows.view().into()]).unwrap();
     let plan = solve_plan(&problem, None, Options::default()).unwrap();
@@ -26,9 +26,9 @@ fn solve(wanted: &[StructureObjectives], matrix: &Csc) -> (Plan, Vec<f64>) {
     for (row, voxel) in goals.voxels().iter().enumerate() {
         assert!((plan.dose[row] - dose[*voxel as usize]).abs() < 1e-9 * (1.0 + dose[*voxel as usize]));
     }
-    if wanted.iter().all(|structure| structure.volumes.is_empty()) {
-        let (told, expected) = (goals.cost(&dose).unwrap(), cost(wanted, &dose));
-        assert!((told - expected).abs() < 1e-9 * (1.0 + expected), "{told} {expected}");
+    if requested.iter().all(|structure| structure.volumes.is_empty()) {
+        let (reported, expected) = (goals.cost(&dose).unwrap(), cost(requested, &dose));
+        assert!((reported - expected).abs() < 1e-9 * (1.0 + expected), "{reported} {expected}");
     }
     assert!(goals.cost(&dose[1..]).is_err());
     (plan, dose)
@@ -46,10 +46,10 @@ fn dose(matrix: &Csc, weights: &[f64]) -> Vec<f64> {
 }
 
 /// What the objectives cost, from their formulas.
-pub fn cost(wanted: &[StructureObjectives], dose: &[f64]) -> f64 {
+pub fn cost(requested: &[StructureObjectives], dose: &[f64]) -> f64 {
     let square = |x: f64| x.max(0.0).powi(2);
     let mut cost = 0.0;
-    for structure in wanted {
+    for structure in requested {
         let by_place: Vec<f64> = structure.voxels.iter().map(|v| dose[*v as usize]).collect();
         let mut d = by_place.clone();
         d.sort_by(f64::total_cmp);
@@ -93,7 +93,7 @@ pub fn cost(wanted: &[StructureObjectives], dose: &[f64]) -> f64 {
     cost
 }
 
-fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<StructureObjectives> {
+fn requested(objectives: [Vec<Objective>; 2]) -> Vec<StructureObjectives> {
     let [target, organ] = objectives;
     vec![
         StructureObjectives {
@@ -133,16 +133,16 @@ proptest! {
             Objective::Overdose(Overdose { dose: 30.0, weight: 1.0 }),
             Objective::FallOff(FallOff { near: 50.0, far: 15.0, over_mm: 8.0, weight: 2.0 }),
         ];
-        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
-        let (plan, found) = solve(&wanted, &matrix);
-        let best = cost(&wanted, &found);
+        let requested = requested([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
+        let (plan, found) = solve(&requested, &matrix);
+        let best = cost(&requested, &found);
         prop_assert!((plan.certificate.objective - best).abs() < 1e-5 * best + 1e-6, "{} {best}", plan.certificate.objective);
         prop_assert!(plan.certificate.relative_excess() < 1e-4, "{:?}", plan.certificate);
         for j in 0..plan.weights.len() {
             for step in [-0.3, 0.3] {
                 let mut weights = plan.weights.clone();
                 weights[j] = (weights[j] + step).max(0.0);
-                prop_assert!(cost(&wanted, &dose(&matrix, &weights)) >= best * (1.0 - 1e-6));
+                prop_assert!(cost(&requested, &dose(&matrix, &weights)) >= best * (1.0 - 1e-6));
             }
         }
     }
@@ -151,13 +151,13 @@ proptest! {
     fn pull_is_the_slope_of_the_cost_in_the_dose_of_each_voxel(values in values()) {
         let matrix = matrix(&values);
         let organ = vec![Objective::MeanDose(MeanDose { dose: 20.0, weight: 3.0 })];
-        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
-        let (plan, found) = solve(&wanted, &matrix);
+        let requested = requested([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
+        let (plan, found) = solve(&requested, &matrix);
         for voxel in 0..11 {
             let at = |by: f64| {
                 let mut dose = found.clone();
                 dose[voxel] += by;
-                cost(&wanted, &dose)
+                cost(&requested, &dose)
             };
             let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
             prop_assert!((plan.pull[voxel] - slope).abs() < 1e-2 * (1.0 + slope.abs()), "{} {slope}", plan.pull[voxel]);
@@ -167,10 +167,10 @@ proptest! {
     #[test]
     fn dvh_points_cost_what_their_formulas_say_and_never_more_than_before_them(values in values()) {
         let matrix = matrix(&values);
-        let plain = wanted([prescribed(), vec![]]);
+        let plain = requested([prescribed(), vec![]]);
         let target = [prescribed(), vec![Objective::DvhAtLeast(DvhAtLeast { dose: 57.0, volume: 0.8, weight: 50.0 })]].concat();
         let organ = vec![Objective::DvhAtMost(DvhAtMost { dose: 25.0, volume: 0.3, weight: 30.0 })];
-        let with = wanted([target, organ]);
+        let with = requested([target, organ]);
         let (_, before) = solve(&plain, &matrix);
         let (plan, found) = solve(&with, &matrix);
         let (before, after) = (cost(&with, &before), cost(&with, &found));
@@ -217,14 +217,14 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
         Objective::DvhAtMost(DvhAtMost { dose: 30.0, volume: 0.5, weight: 4.0 }),
     ];
     let solve = |rows: &Rows, voxels: Vec<u32>, volumes: Vec<f64>| {
-        let wanted = StructureObjectives {
+        let requested = StructureObjectives {
             name: "all".into(),
             voxels,
             volumes,
             to_target_mm: Vec::new(),
             objectives: objectives.clone(),
         };
-        let goals = Goals::new(vec![wanted], 4).unwrap();
+        let goals = Goals::new(vec![requested], 4).unwrap();
         solve_plan(&goals.problem(&[rows.view().into()]).unwrap(), None, Options::default()).unwrap()
     };
     let (one, other) =
@@ -237,26 +237,26 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
 #[test]
 fn wishes_that_cannot_be_used_are_refused_by_name() {
     let one = |voxels: Vec<u32>, objective| {
-        let wanted = StructureObjectives {
+        let requested = StructureObjectives {
             name: "rectum".into(),
             voxels,
             volumes: Vec::new(),
             to_target_mm: Vec::new(),
             objectives: vec![objective],
         };
-        Goals::new(vec![wanted], 3).err()
+        Goals::new(vec![requested], 3).err()
     };
     let fine = Objective::Overdose(Overdose { dose: 1.0, weight: 1.0 });
     assert_eq!(one(vec![0, 2], fine), None);
     for volumes in [vec![1.0], vec![1.0, 0.0], vec![1.0, f64::NAN]] {
-        let wanted = StructureObjectives {
+        let requested = StructureObjectives {
             name: "rectum".into(),
             voxels: vec![0, 2],
             volumes,
             to_target_mm: Vec::new(),
             objectives: vec![fine],
         };
-        let fault = Goals::new(vec![wanted], 3).err();
+        let fault = Goals::new(vec![requested], 3).err();
         assert!(matches!(fault, Some(GoalsError::Volumes { voxels: 2, .. })), "{fault:?}");
     }
     let fall_off = Objective::FallOff(FallOff { near: 9.0, far: 3.0, over_mm: 20.0, weight: 1.0 });
@@ -298,14 +298,14 @@ fn a_rough_start_ends_at_the_same_plan() {
         Objective::Underdose(Underdose { dose: 60.0, weight: 100.0 }),
         Objective::Overdose(Overdose { dose: 58.0, weight: 40.0 }),
     ];
-    let wanted = StructureObjectives {
+    let requested = StructureObjectives {
         name: "target".into(),
         voxels: (0..voxels as u32).collect(),
         volumes: Vec::new(),
         to_target_mm: Vec::new(),
         objectives,
     };
-    let goals = Goals::new(vec![wanted], voxels).unwrap();
+    let goals = Goals::new(vec![requested], voxels).unwrap();
     let rows = Rows::from_columns(matrix.view()).unwrap();
     let problem = goals.problem(&[rows.view().into()]).unwrap();
     let options = Options { tolerance: 1e-8, ..Options::default() };

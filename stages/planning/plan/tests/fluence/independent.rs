@@ -142,10 +142,10 @@ fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<StructureObjectives
 
 /// The same with the DVH points' voxels as these doses choose them, written down for another solver: a column of means
 /// for the homogeneity, a row of the mean for the mean dose.
-fn written_down(disc: &Dense, wanted: &[StructureObjectives], dose: &[f64]) -> Dense {
+fn written_down(disc: &Dense, requested: &[StructureObjectives], dose: &[f64]) -> Dense {
     let mut rows: Vec<Vec<f32>> = disc.rows.iter().map(|row| [&row[..], &[0.0]].concat()).collect();
     let mut terms = Vec::new();
-    for StructureObjectives { voxels, objectives, .. } in wanted {
+    for StructureObjectives { voxels, objectives, .. } in requested {
         let v = voxels.len() as f64;
         let mut rising = voxels.clone();
         rising.sort_by(|a, b| dose[*a as usize].total_cmp(&dose[*b as usize]));
@@ -241,21 +241,21 @@ proptest! {
         beams in 2_usize..8, width in 1.0..4.0, organ in [-9.0..9.0, -9.0..9.0], weights in [weight(), weight(), weight()],
     ) {
         let disc = disc(beams, width, organ, [1.0; 4]);
-        let mut wanted = every_objective(&disc, weights);
-        wanted.retain(|w| !w.voxels.is_empty());
-        let goals = Goals::new(wanted.clone(), disc.rows.len()).unwrap();
+        let mut requested = every_objective(&disc, weights);
+        requested.retain(|w| !w.voxels.is_empty());
+        let goals = Goals::new(requested.clone(), disc.rows.len()).unwrap();
         let matrix = Rows::from_columns(disc.matrix().view()).unwrap();
         let problem = goals.problem(&[matrix.view().into()]).unwrap();
         let plan = solve_plan(&problem, None, Options::default()).unwrap();
         let dose = disc.dose(&plan.weights);
-        let found = cost(&wanted, &dose);
+        let found = cost(&requested, &dose);
         let Certificate { objective, excess, .. } = plan.certificate;
         // A row of means is rounded to 24 bits.
         prop_assert!((objective - found).abs() <= 1e-5 * found, "{objective} is not {found}");
         prop_assert!(plan.certificate.relative_excess() <= 1e-6, "{:?}", plan.certificate);
-        let other = written_down(&disc, &wanted, &dose);
+        let other = written_down(&disc, &requested, &dose);
         let mean = |rows: &[u32]| rows.iter().map(|i| dose[*i as usize]).sum::<f64>() / rows.len() as f64;
-        let ours = other.objective(&[&plan.weights[..], &[mean(&wanted[0].voxels)]].concat());
+        let ours = other.objective(&[&plan.weights[..], &[mean(&requested[0].voxels)]].concat());
         prop_assert!((ours - found).abs() <= 1e-5 * found, "{ours} is not {found}");
         let theirs = other.objective(&interior::weights(&other.problem()));
         prop_assert!(ours <= theirs * (1.0 + 1e-6), "{ours} {theirs} in {} rounds", plan.rounds);
@@ -285,18 +285,18 @@ proptest! {
         weights in [weight(), weight(), weight()], dense_columns in prop_oneof![Just(0_usize), Just(6000)],
     ) {
         let disc = disc(beams, width, organ, [1.0; 4]);
-        let wanted = regions(&disc, a, under, weights);
-        let goals = Goals::new(wanted.clone(), disc.rows.len()).unwrap();
+        let requested = regions(&disc, a, under, weights);
+        let goals = Goals::new(requested.clone(), disc.rows.len()).unwrap();
         let matrix = Rows::from_columns(disc.matrix().view()).unwrap();
         let problem = goals.problem(&[matrix.view().into()]).unwrap();
         let plan = solve_plan(&problem, None, Options { dense_columns, ..Options::default() }).unwrap();
         prop_assert!(plan.weights.iter().all(|x| x.is_finite() && *x >= 0.0));
-        let found = cost(&wanted, &disc.dose(&plan.weights));
+        let found = cost(&requested, &disc.dose(&plan.weights));
         let Certificate { objective, excess, .. } = plan.certificate;
         prop_assert!((objective - found).abs() <= 1e-5 * found + 1e-9, "{objective} is not {found}");
         prop_assert!(plan.certificate.relative_excess() <= 1e-5, "{:?} in {} steps", plan.certificate, plan.steps);
-        let (weights, solved) = interior::region_weights(&disc.rows, disc.columns, &wanted);
-        let theirs = cost(&wanted, &disc.dose(&weights));
+        let (weights, solved) = interior::region_weights(&disc.rows, disc.columns, &requested);
+        let theirs = cost(&requested, &disc.dose(&weights));
         prop_assert!(found <= theirs * (1.0 + 1e-5) + 1e-9, "{found} {theirs} in {} steps", plan.steps);
         // The other solver is near as well: the two have the same optimum.
         prop_assert!(!solved || theirs <= found * 1.01 + 1e-3, "{found} {theirs} in {} steps", plan.steps);

@@ -97,7 +97,7 @@ fn the_dose_of_the_segments_is_that_of_what_passes_their_leaves() {
                 .sum::<f64>();
         }
     }
-    for (told, expected) in found.plan.dose.iter().zip(&doses) {
-        assert!((told - expected).abs() < 1e-4 * (1.0 + expected), "{told} {expected}");
+    for (reported, expected) in found.plan.dose.iter().zip(&doses) {
+        assert!((reported - expected).abs() < 1e-4 * (1.0 + expected), "{reported} {expected}");
     }
 }

@@ -88,15 +88,15 @@ fn with_shipped(own: &str) -> ObjectiveTable {
 
 /// What is told of a plan and what a grid of 1.5 mm says: doses within 0.5 Gy, volumes within 0.5 %.
 #[allow(clippy::print_stdout)]
-fn is_true(planned: &Planned<'_>, told: &[StructureDose]) {
+fn is_true(planned: &Planned<'_>, reported: &[StructureDose]) {
     let (finer, _) = planned.figures(Some(1.5));
-    for (told, finer) in told.iter().zip(&finer) {
+    for (reported, finer) in reported.iter().zip(&finer) {
         let doses = |f: &StructureDose| [f.d98_gy, f.d95_gy, f.d50_gy, f.d2_gy, f.d003cc_gy];
-        let gray = doses(told).iter().zip(doses(finer)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let gets_ten = (told.volumes[0].fraction - finer.volumes[0].fraction).abs();
-        let covered = (told.covered.unwrap_or(0.0) - finer.covered.unwrap_or(0.0)).abs();
-        println!("{}: {gray:.2} Gy, V10 {gets_ten:.4}, V95% {covered:.4}", told.name);
-        assert!(gray <= 0.5 && gets_ten <= 0.005 && covered <= 0.005, "{told:?} {finer:?}");
+        let gray = doses(reported).iter().zip(doses(finer)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let gets_ten = (reported.volumes[0].fraction - finer.volumes[0].fraction).abs();
+        let covered = (reported.covered.unwrap_or(0.0) - finer.covered.unwrap_or(0.0)).abs();
+        println!("{}: {gray:.2} Gy, V10 {gets_ten:.4}, V95% {covered:.4}", reported.name);
+        assert!(gray <= 0.5 && gets_ten <= 0.005 && covered <= 0.005, "{reported:?} {finer:?}");
     }
 }
 
@@ -110,9 +110,9 @@ fn figures_of_a_pelvis_with_narrow_bixels_are_those_of_a_finer_grid() {
         &[0.0, 72.0, 144.0, 216.0, 288.0],
         [5.0, 5.0],
     );
-    let (told, _) = planned.figures(None);
-    is_true(&planned, &told);
-    let ptv = of(&told, "PTV");
+    let (reported, _) = planned.figures(None);
+    is_true(&planned, &reported);
+    let ptv = of(&reported, "PTV");
     println!("PTV D98 {:.1} Gy, D95 {:.1} Gy, D0.03cc {:.1} Gy", ptv.d98_gy, ptv.d95_gy, ptv.d003cc_gy);
     // Read at the points of a 5 mm grid it was 76.5 Gy, on a finer grid 66.5 Gy.
     assert!(ptv.d98_gy > 70.0, "{ptv:?}");
@@ -124,10 +124,10 @@ fn figures_of_a_pelvis_with_narrow_bixels_are_those_of_a_finer_grid() {
 fn the_c_shape_of_tg_119_meets_its_published_goals() {
     let Some(case) = c_shape() else { return };
     let planned = Planned::new(&case, &with_shipped(TG119), &NINE_DEG, [10.0, 5.0]);
-    let (told, _) = planned.figures(None);
-    let (ptv, core) = (of(&told, "PTV"), of(&told, "Core"));
+    let (reported, _) = planned.figures(None);
+    let (ptv, core) = (of(&reported, "PTV"), of(&reported, "Core"));
     println!("PTV D95 {:.2} Gy, D10 {:.2} Gy; core D10 {:.2} Gy", ptv.d95_gy, ptv.d10_gy, core.d10_gy);
-    is_true(&planned, &told);
+    is_true(&planned, &reported);
     assert!(ptv.d95_gy >= 50.0 && ptv.d10_gy <= 55.0 && core.d10_gy <= 25.0, "{ptv:?} {core:?}");
 }
 
@@ -137,8 +137,8 @@ fn the_c_shape_of_tg_119_meets_its_published_goals() {
 #[ignore = "takes minutes; docs/guide/planning.md has the command that makes the same plan"]
 fn the_c_shape_of_tg_119_comes_near_to_its_harder_goals() {
     let Some(case) = c_shape() else { return };
-    let (told, _) = nine_beams(&case, &with_shipped(TG119_HARDER), [5.0, 3.0]);
-    let (ptv, core) = (of(&told, "PTV"), of(&told, "Core"));
+    let (reported, _) = nine_beams(&case, &with_shipped(TG119_HARDER), [5.0, 3.0]);
+    let (ptv, core) = (of(&reported, "PTV"), of(&reported, "Core"));
     let gets_ten = core.volumes[0].fraction;
     println!("PTV D95 {:.2} Gy, D10 {:.2} Gy; core V10 {gets_ten:.3}", ptv.d95_gy, ptv.d10_gy);
     assert!(ptv.d95_gy >= 49.3 && ptv.d10_gy <= 55.4 && gets_ten <= 0.051, "{ptv:?} {core:?}");

@@ -23,7 +23,7 @@ use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machin
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::sampling::Sampling;
-use stillpoint_pool::{ClientSettings, Courier, Pool, PoolDoses, PoolGround, PoolSolver, answer};
+use stillpoint_pool::{ClientSettings, Courier, Pool, PoolDoses, PoolSetup, PoolSolver, answer};
 
 use oracle::{Oracle, build};
 use simulated::{Network, Simulated};
@@ -58,7 +58,7 @@ fn main() {
     }
     // CI builds and starts all benches without arguments.
     let Some(case) = case else { return println!("scaling: give a case file") };
-    let ground = Ground::new(Path::new(&case), &asked);
+    let setup = Setup::new(Path::new(&case), &asked);
     let oracle = Rc::new(RefCell::new(Oracle::new()));
     let network = Network { bits_per_s: asked.mbit * 1e6, delay: (asked.delay * 1e3) as u64 };
     println!("| workers | time, s | speed-up | efficiency | client, CPU s | sent by the client, MB |");
@@ -67,7 +67,7 @@ fn main() {
     for workers in WORKERS {
         let courier = Simulated::new(&oracle, network, workers);
         let mut pool = Pool::new(courier, ClientSettings::new(build()));
-        let plan = ground.plan(&mut pool, &asked);
+        let plan = setup.plan(&mut pool, &asked);
         assert!(
             first.get_or_insert_with(|| plan.clone()) == &plan,
             "the plan depends on the number of workers"
@@ -83,7 +83,7 @@ fn main() {
         );
         eprintln!("{:?}", pool.tally());
     }
-    oracle.borrow().tell();
+    oracle.borrow().report();
 }
 
 impl Asked {
@@ -101,13 +101,13 @@ impl Asked {
 }
 
 /// What the plan is made on, as `stillpoint plan` makes it.
-struct Ground {
+struct Setup {
     engine: DoseEngine,
     goals: Goals,
     ring: Ring,
 }
 
-impl Ground {
+impl Setup {
     fn new(case: &Path, asked: &Asked) -> Self {
         let case = read(case).unwrap();
         let sampling = Sampling::new(&case, 5.0, asked.bixel).unwrap();
@@ -128,8 +128,8 @@ impl Ground {
         let angles: Vec<f64> = beams.iter().map(|beam| self.ring.angle_deg(*beam)).collect();
         PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
         let doses = RingDoses::load(&cache, engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
-        let ground = PoolGround::new(&doses, &self.goals, self.ring.count());
-        let mut solver = PoolSolver::new(pool, &ground);
+        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count());
+        let mut solver = PoolSolver::new(pool, &setup);
         let budget = Budget { solves: asked.budget };
         let evaluator = Evaluator::new(&doses, &self.goals, self.ring, asked.beams, budget);
         let mut evaluator = evaluator.with_solver(&mut solver);

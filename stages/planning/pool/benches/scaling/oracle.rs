@@ -64,7 +64,7 @@ impl Oracle {
 
     fn compute(&mut self, key: Hash, call: &[u8]) {
         let begun = cpu();
-        self.worker.hear(0, "bench", &Message::Ask { key, call: call.to_vec() }.to_bytes());
+        self.worker.handle(0, "bench", &Message::Ask { key, call: call.to_vec() }.to_bytes());
         let job = loop {
             if let Some(job) = self.worker.next_job() {
                 break job;
@@ -78,7 +78,7 @@ impl Oracle {
                         let (length, bytes) = (bytes.len() as u64, bytes[start..end].to_vec());
                         self.intake.1 += bytes.len() as u64;
                         let message = Message::Part { content, part, length, bytes };
-                        self.worker.hear(0, "bench", &message.to_bytes());
+                        self.worker.handle(0, "bench", &message.to_bytes());
                     }
                     Message::Failed { reason, .. } => panic!("{reason}"),
                     _ => {}
@@ -99,7 +99,7 @@ impl Oracle {
     }
 
     /// Tells the measured times.
-    pub fn tell(&self) {
+    pub fn report(&self) {
         println!(
             "\n| call | number | CPU s, all | median | longest | answer, kB |\n| --- | --- | --- | --- | --- | --- |"
         );

@@ -189,14 +189,14 @@ impl Simulated {
             _ => None,
         };
         let model = &mut self.models[place];
-        let mut out = model.hear(now, (from, message, peer), &mut self.oracle.borrow_mut());
+        let mut out = model.handle(now, (from, message, peer), &mut self.oracle.borrow_mut());
         out.extend(model.go_on(now, &mut self.oracle.borrow_mut()));
         out.into_iter().for_each(|(to, message)| self.post(now, Some(place), to, message.to_bytes()));
     }
 }
 
 impl Model {
-    fn hear(
+    fn handle(
         &mut self,
         now: u64,
         (from, message, peer): (Option<usize>, Message, Option<usize>),

@@ -9,7 +9,7 @@ use crate::message::Message;
 use crate::{Hash, To, WorkerState};
 
 /// Time after which a call that was not answered is sent again to the same worker, ns. The worker computes it once.
-const AGAIN: u64 = 1_000_000_000;
+const RETRY: u64 = 1_000_000_000;
 /// Calls that a worker is given beyond its slots: it fetches what they need while it computes others.
 const AHEAD: usize = 1;
 
@@ -24,15 +24,15 @@ impl Client {
                 worker.outstanding.clear();
             }
         }
-        let crew: BTreeSet<String> = self.roster.usable(now).map(str::to_owned).collect();
-        if !crew.is_empty() {
+        let members: BTreeSet<String> = self.roster.usable(now).map(str::to_owned).collect();
+        if !members.is_empty() {
             self.attended = now;
         }
-        let deserted = self.is_deserted(now);
+        let is_without_workers = self.is_without_workers(now);
         let mut proving = self.proving();
         let mut is_busy = self.calls.values().any(|open| open.inside);
         for key in self.order.clone() {
-            self.go_on(now, &key, (&crew, deserted), &mut proving, &mut is_busy);
+            self.go_on(now, &key, (&members, is_without_workers), &mut proving, &mut is_busy);
         }
     }
 
@@ -50,7 +50,7 @@ impl Client {
         &mut self,
         now: u64,
         key: &Hash,
-        (crew, deserted): (&BTreeSet<String>, bool),
+        (members, is_without_workers): (&BTreeSet<String>, bool),
         proving: &mut BTreeSet<(String, Kind)>,
         is_busy: &mut bool,
     ) {
@@ -68,7 +68,7 @@ impl Client {
         }
         stuck.iter().for_each(|name| drop(open.fetches.remove(name)));
         for (name, asked) in open.asked.iter_mut().filter(|(name, _)| !open.fetches.contains_key(*name)) {
-            if now.saturating_sub(asked.last) >= AGAIN {
+            if now.saturating_sub(asked.last) >= RETRY {
                 asked.last = now;
                 self.out.push((To::one(name), Message::Ask { key: *key, call: open.bytes.clone() }));
             }
@@ -79,7 +79,7 @@ impl Client {
                 (asked.is_ahead, asked.first) = (false, now);
             }
         }
-        let others = crew.iter().any(|name| {
+        let others = members.iter().any(|name| {
             !open.failed.contains(name)
                 && !open.asked.contains_key(name)
                 && open.answers.iter().all(|(of, _)| of != name)
@@ -89,8 +89,8 @@ impl Client {
         let alone = nobody && !open.answers.is_empty();
         let impatient = open.is_impatient(now, self.settings.patience, self.progress, self.answered);
         // One after the other: a worker that comes meanwhile takes the rest.
-        let is_due = (deserted || (impatient && !crew.is_empty())) && !*is_busy;
-        if is_due || failed || alone {
+        let is_time = (is_without_workers || (impatient && !members.is_empty())) && !*is_busy;
+        if is_time || failed || alone {
             (open.inside, *is_busy) = (true, true);
             self.events.push_back(Event::Compute(*key));
             return;
@@ -98,11 +98,11 @@ impl Client {
         let late = self.times.get(&open.kind).map_or(0, |times| 4 * median(times)).max(self.settings.late);
         let newest = open.asked.values().map(|asked| asked.first).max();
         let is_late = newest.is_some_and(|first| now.saturating_sub(first) >= late);
-        let wanted = 1 + usize::from(open.compare && others);
+        let requested = 1 + usize::from(open.compare && others);
         let have = open.asked.len() + open.answers.len();
         let waits = open.asked.iter().find(|(_, asked)| asked.is_ahead).map(|(name, _)| name.clone());
         let is_late = is_late && waits.is_none();
-        if have >= wanted && !is_late && waits.is_none() {
+        if have >= requested && !is_late && waits.is_none() {
             return;
         }
         let except = |name: &str| {
@@ -126,7 +126,7 @@ impl Client {
             return;
         };
         // One with a free slot takes over a call that waits for one.
-        if let Some(waits) = waits.filter(|_| have >= wanted) {
+        if let Some(waits) = waits.filter(|_| have >= requested) {
             open.forget(&waits);
             if let Some(worker) = self.roster.get_mut(&waits) {
                 worker.outstanding.remove(key);
@@ -142,7 +142,7 @@ impl Client {
         if open.compare {
             proving.insert((name.clone(), open.kind));
         }
-        if is_late && have >= wanted {
+        if is_late && have >= requested {
             self.tally.hedged += 1;
         }
         if open.begun.is_none() {

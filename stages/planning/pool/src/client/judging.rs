@@ -110,20 +110,20 @@ impl Client {
         let keeps = kind != Some(Kind::Dose);
         self.accepted.insert(key, Accepted { bytes: keeps.then(|| bytes.clone()), unproved });
         if keeps {
-            self.kept.push_back(key);
-            self.kept_bytes += bytes.len();
+            self.retained.push_back(key);
+            self.retained_bytes += bytes.len();
         }
-        while self.kept_bytes > self.settings.most_kept {
-            let Some(oldest) = self.kept.pop_front() else { break };
+        while self.retained_bytes > self.settings.most_retained {
+            let Some(oldest) = self.retained.pop_front() else { break };
             let bytes = self.accepted.get_mut(&oldest).and_then(|accepted| accepted.bytes.take());
-            self.kept_bytes -= bytes.map_or(0, |bytes| bytes.len());
+            self.retained_bytes -= bytes.map_or(0, |bytes| bytes.len());
         }
         self.events.push_back(Event::Answer(key, bytes));
     }
 
     fn forget_answer(&mut self, key: &Hash) {
         let Some(Accepted { bytes: Some(bytes), .. }) = self.accepted.remove(key) else { return };
-        self.kept_bytes -= bytes.len();
-        self.kept.retain(|kept| kept != key);
+        self.retained_bytes -= bytes.len();
+        self.retained.retain(|retained| retained != key);
     }
 }

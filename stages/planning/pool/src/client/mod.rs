@@ -37,7 +37,7 @@ pub struct ClientSettings {
     /// Share of the calls whose answers are compared, from 0 to 1.
     pub checked: f64,
     /// Bytes of answers that are kept for a search that is run again.
-    pub most_kept: usize,
+    pub most_retained: usize,
 }
 
 impl ClientSettings {
@@ -48,7 +48,7 @@ impl ClientSettings {
             patience: 60_000_000_000,
             late: 2_000_000_000,
             checked: 1.0 / 32.0,
-            most_kept: 512 << 20,
+            most_retained: 512 << 20,
         }
     }
 }
@@ -97,8 +97,8 @@ pub struct Client {
     order: Vec<Hash>,
     accepted: BTreeMap<Hash, Accepted>,
     /// Accepted answers whose bytes are kept, the oldest first.
-    kept: VecDeque<Hash>,
-    kept_bytes: usize,
+    retained: VecDeque<Hash>,
+    retained_bytes: usize,
     tainted: BTreeSet<Hash>,
     times: BTreeMap<Kind, VecDeque<u64>>,
     events: VecDeque<Event>,
@@ -123,8 +123,8 @@ impl Client {
             calls: BTreeMap::new(),
             order: Vec::new(),
             accepted: BTreeMap::new(),
-            kept: VecDeque::new(),
-            kept_bytes: 0,
+            retained: VecDeque::new(),
+            retained_bytes: 0,
             tainted: BTreeSet::new(),
             times: BTreeMap::new(),
             events: VecDeque::new(),
@@ -153,7 +153,7 @@ impl Client {
     }
 
     /// Whether no worker has been there for the time of patience.
-    pub fn is_deserted(&self, now: u64) -> bool {
+    pub fn is_without_workers(&self, now: u64) -> bool {
         now.saturating_sub(self.attended) >= self.settings.patience
     }
 
@@ -219,7 +219,7 @@ impl Client {
     }
 
     /// Takes a message. Bytes that are no message are ignored.
-    pub fn hear(&mut self, now: u64, from: &str, bytes: &[u8], inside: &dyn Inside) {
+    pub fn handle(&mut self, now: u64, from: &str, bytes: &[u8], inside: &dyn Inside) {
         let Ok(message) = Message::from_bytes(bytes) else { return };
         match message {
             Message::Hello(hello) => {

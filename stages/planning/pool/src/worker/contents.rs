@@ -52,8 +52,8 @@ impl Worker {
             Ok(None) => {}
             Ok(Some(whole)) => {
                 self.fetch = None;
-                match self.store.put_named(content, &whole, &self.wanted()) {
-                    Ok(()) => self.tell_held(content),
+                match self.store.put_named(content, &whole, &self.requested()) {
+                    Ok(()) => self.report_held(content),
                     Err(reason) => self.fail_calls_of(&content, &reason),
                 }
             }
@@ -129,7 +129,7 @@ impl Worker {
     }
 
     /// Tells all who ask that a content is here: others may fetch it from this worker.
-    fn tell_held(&mut self, content: Hash) {
+    fn report_held(&mut self, content: Hash) {
         let askers: BTreeSet<String> = self.waiting.iter().flat_map(|w| w.askers.clone()).collect();
         let message = Message::Holds { contents: vec![content] };
         self.out.extend(askers.iter().map(|asker| (To::one(asker), message.clone())));
@@ -152,12 +152,12 @@ impl Worker {
         let (failed, rest): (Vec<_>, Vec<_>) = self.waiting.drain(..).partition(has_it);
         self.waiting = rest.into();
         for Waiting { key, askers, .. } in failed {
-            self.tell(&askers, Message::Failed { key, reason: reason.to_owned() });
+            self.report(&askers, Message::Failed { key, reason: reason.to_owned() });
         }
     }
 
     /// Contents that must stay: those of the call that has waited longest.
-    pub(super) fn wanted(&self) -> BTreeSet<Hash> {
+    pub(super) fn requested(&self) -> BTreeSet<Hash> {
         self.waiting.front().map(|w| w.call.inputs().into_iter().collect()).unwrap_or_default()
     }
 }

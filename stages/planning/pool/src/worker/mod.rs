@@ -89,7 +89,7 @@ impl Worker {
     }
 
     /// Takes a message. Bytes that are no message are ignored.
-    pub fn hear(&mut self, now: u64, from: &str, bytes: &[u8]) {
+    pub fn handle(&mut self, now: u64, from: &str, bytes: &[u8]) {
         let Ok(message) = Message::from_bytes(bytes) else { return };
         match message {
             Message::Ask { key, call } => self.ask(from, key, &call),
@@ -148,7 +148,7 @@ impl Worker {
                     self.running.insert(key, askers);
                     return Some(Job { key, ready });
                 }
-                Err(reason) => self.tell(&askers, Message::Failed { key, reason }),
+                Err(reason) => self.report(&askers, Message::Failed { key, reason }),
             }
         }
         None
@@ -157,17 +157,17 @@ impl Worker {
     /// Takes the result of a job.
     pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, String>) {
         let askers = self.running.remove(&key).unwrap_or_default();
-        let kept = result.and_then(|bytes| Ok((self.store.put(&bytes, &self.wanted())?, bytes)));
-        match kept {
+        let retained = result.and_then(|bytes| Ok((self.store.put(&bytes, &self.requested())?, bytes)));
+        match retained {
             Ok((answer, bytes)) => {
                 self.counts.answered += 1;
                 if self.answers.len() >= MOST_ANSWERS {
                     self.answers.pop_first();
                 }
                 self.answers.insert(key, answer);
-                self.tell(&askers, answer_message(key, answer, bytes));
+                self.report(&askers, answer_message(key, answer, bytes));
             }
-            Err(reason) => self.tell(&askers, Message::Failed { key, reason }),
+            Err(reason) => self.report(&askers, Message::Failed { key, reason }),
         }
     }
 
@@ -224,7 +224,7 @@ impl Worker {
         }
     }
 
-    fn tell(&mut self, askers: &[String], message: Message) {
+    fn report(&mut self, askers: &[String], message: Message) {
         self.out.extend(askers.iter().map(|asker| (To::one(asker), message.clone())));
     }
 }

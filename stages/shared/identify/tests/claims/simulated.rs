@@ -119,11 +119,11 @@ fn a_pole_outside_the_circle_is_unstable_and_has_no_dc_gain() {
 fn an_integrator_is_told_from_a_stable_and_from_an_unstable_pole() {
     let runs = 40;
     let count = |at: f64, due: Stability| {
-        let is_due = |seed: &u64| {
+        let is_time = |seed: &u64| {
             let (u, y) = record(&one_pole(at), 0.05, 400, 200 + seed);
             fit(&Record { input: &u, output: &y }, 1).unwrap().poles[0].stability() == due
         };
-        (0..runs).filter(is_due).count()
+        (0..runs).filter(is_time).count()
     };
     assert_eq!(count(0.9, Stability::Stable), 40);
     // 95 of 100 intervals hold the true modulus.

@@ -71,9 +71,9 @@ impl Friction {
         };
         let best = pushes.into_iter().min_by(|a, b| slope(*a).abs().total_cmp(&slope(*b).abs()));
         let push = best.unwrap_or(0.0).max(least.max(0.0));
-        let kept = if tangential > mu * push { mu * push / tangential } else { 1.0 };
+        let retained = if tangential > mu * push { mu * push / tangential } else { 1.0 };
         FingerForce {
-            force: Vector3::new(finger.force.x * kept, finger.force.y * kept, push),
+            force: Vector3::new(finger.force.x * retained, finger.force.y * retained, push),
             torque: finger.torque.clamp(-self.spinning * push, self.spinning * push),
         }
     }
@@ -96,14 +96,14 @@ mod tests {
     proptest! {
         #[test]
         fn the_nearest_force_is_borne_and_no_other_is_nearer(
-            wanted in finger(),
+            requested in finger(),
             other in finger(),
             least in 0.0..1.0f64,
             sliding in 0.1..1.0f64,
             spinning in 0.001..0.05f64,
         ) {
             let friction = Friction { sliding, spinning };
-            let found = friction.nearest(&wanted, least, 0.05);
+            let found = friction.nearest(&requested, least, 0.05);
             let margin = friction.margin(&found);
             prop_assert!(found.force.z >= least && margin.sliding > -1e-12 && margin.spinning > -1e-12);
             // Any force that is borne, by its parts of what is allowed.
@@ -112,12 +112,12 @@ mod tests {
             let torque = spinning * push * other.torque / 0.2;
             let other = FingerForce { force: Vector3::new(side.x, side.y, push), torque };
             prop_assert!(friction.margin(&other).is_inside());
-            prop_assert!(distance(&found, &wanted) <= distance(&other, &wanted) + 1e-12);
+            prop_assert!(distance(&found, &requested) <= distance(&other, &requested) + 1e-12);
         }
 
         #[test]
         fn no_other_push_with_all_that_it_bears_is_nearer(
-            wanted in finger(),
+            requested in finger(),
             least in 0.0..1.0f64,
             sliding in 0.1..1.0f64,
             spinning in 0.001..0.05f64,
@@ -125,25 +125,25 @@ mod tests {
             let friction = Friction { sliding, spinning };
             // Of all forces with this push, the nearest one.
             let with = |push: f64| {
-                let tangential = libm::hypot(wanted.force.x, wanted.force.y);
-                let kept = (sliding * push / tangential).min(1.0);
+                let tangential = libm::hypot(requested.force.x, requested.force.y);
+                let retained = (sliding * push / tangential).min(1.0);
                 FingerForce {
-                    force: Vector3::new(wanted.force.x * kept, wanted.force.y * kept, push),
-                    torque: wanted.torque.clamp(-spinning * push, spinning * push),
+                    force: Vector3::new(requested.force.x * retained, requested.force.y * retained, push),
+                    torque: requested.torque.clamp(-spinning * push, spinning * push),
                 }
             };
-            let found = friction.nearest(&wanted, least, 0.05);
+            let found = friction.nearest(&requested, least, 0.05);
             prop_assert!(distance(&found, &with(found.force.z)) < 1e-9);
             // The squared distance is convex in the push: neither a little more nor a little less is nearer.
             for push in [0.999, 1.001].map(|part| (found.force.z * part).max(least)) {
-                prop_assert!(distance(&found, &wanted) <= distance(&with(push), &wanted) + 1e-9);
+                prop_assert!(distance(&found, &requested) <= distance(&with(push), &requested) + 1e-9);
             }
         }
 
         #[test]
-        fn what_is_borne_is_its_own_nearest(wanted in finger()) {
+        fn what_is_borne_is_its_own_nearest(requested in finger()) {
             let friction = Friction { sliding: 0.6, spinning: 0.02 };
-            let found = friction.nearest(&wanted, 0.0, 0.05);
+            let found = friction.nearest(&requested, 0.0, 0.05);
             prop_assert!(distance(&friction.nearest(&found, 0.0, 0.05), &found) < 1e-12);
         }
     }

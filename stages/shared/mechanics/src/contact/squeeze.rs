@@ -15,7 +15,7 @@ pub struct Grip {
     /// Least push of each contact, N.
     pub least: f64,
     /// The push that each contact would like, N.
-    pub wanted: f64,
+    pub requested: f64,
 }
 
 /// Why a grip cannot hold a wrench.
@@ -47,9 +47,9 @@ pub fn squeeze(touches: &[Touch], grip: &Grip, wrench: &Vector6<f64>) -> Result<
     let map = soft_fingers(touches);
     let mut forces = DVector::zeros(4 * touches.len());
     for (i, touch) in touches.iter().enumerate() {
-        forces.fixed_rows_mut::<3>(4 * i).copy_from(&(touch.normal * grip.wanted));
+        forces.fixed_rows_mut::<3>(4 * i).copy_from(&(touch.normal * grip.requested));
     }
-    let scale = wrench.amax().max(grip.wanted).max(1e-3);
+    let scale = wrench.amax().max(grip.requested).max(1e-3);
     let mut correction = DVector::<f64>::zeros(forces.len());
     for _ in 0..ROUNDS {
         let left = wrench - Vector6::from_iterator((&map * &forces).iter().copied());
@@ -89,7 +89,8 @@ fn into_cones(forces: &DVector<f64>, touches: &[Touch], grip: &Grip) -> DVector<
 mod tests {
     use super::*;
 
-    const GRIP: Grip = Grip { friction: Friction { sliding: 0.5, spinning: 0.01 }, least: 1.0, wanted: 8.0 };
+    const GRIP: Grip =
+        Grip { friction: Friction { sliding: 0.5, spinning: 0.01 }, least: 1.0, requested: 8.0 };
 
     /// Eight contacts: four sides of a head at two heights.
     fn ring() -> Vec<Touch> {

@@ -93,7 +93,7 @@ pub struct Drive<const D: usize, const B: usize> {
 /// What a plant is built of, besides bladders, air and valves: see the fields of [`Plant`].
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct Frame<const D: usize, const B: usize> {
+pub struct BodyFrame<const D: usize, const B: usize> {
     pub inertia: SVector<f64, D>,
     pub weight: SVector<f64, D>,
     pub stiffness: SMatrix<f64, D, D>,
@@ -106,9 +106,9 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     const PACKED: () = assert!(N == 2 * D + 3 * B, "a plant's state has 2 D + 3 B numbers");
 
     /// A head of this frame on bladders of `shell`.
-    pub fn new(shell: Shell, air: Air, valves: Valves, frame: Frame<D, B>) -> Self {
+    pub fn new(shell: Shell, air: Air, valves: Valves, frame: BodyFrame<D, B>) -> Self {
         let () = Self::PACKED;
-        let Frame { inertia, weight, stiffness, damping, gap_at_zero, jacobian } = frame;
+        let BodyFrame { inertia, weight, stiffness, damping, gap_at_zero, jacobian } = frame;
         let orifice = Orifice::new(&air);
         Self {
             shell,

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix1, Matrix3, Matrix6, SMatrix, SVector, Vector1, Vector3, Vector6, vector};
 
-use super::body::{Frame, Plant, Stop};
+use super::body::{BodyFrame, Plant, Stop};
 use super::rolling::Rolling;
 use super::sticking::{Tangents, along};
 use super::valve::Valves;
@@ -37,7 +37,7 @@ pub const FOAM: Stop = Stop { gap: 0.062, stiffness: 2e4, damping: 300.0 };
 impl OneDof {
     /// A head of `mass` kg on one of the rig's bladders.
     pub fn rig(mass: f64) -> Self {
-        let frame = Frame {
+        let frame = BodyFrame {
             inertia: Vector1::new(mass),
             weight: Vector1::new(mass * GRAVITY),
             stiffness: Matrix1::zeros(),
@@ -59,7 +59,7 @@ impl ThreeDof {
     /// A head of `mass` kg, held by the neck, on three of the rig's bladders. Moments of inertia go with the mass.
     pub fn rig(mass: f64) -> Self {
         let share = mass / HEAD_MASS;
-        let frame = Frame {
+        let frame = BodyFrame {
             inertia: Vector3::new(mass, MOMENTS[0] * share, MOMENTS[1] * share),
             weight: Vector3::new(mass * GRAVITY, 0.0, 0.0),
             stiffness: neck(500.0, 5.0, 3.0),
@@ -181,7 +181,7 @@ impl SixDof {
         let neck = |along, across, angle: [f64; 3]| {
             Matrix6::from_diagonal(&Vector6::new(across, along, across, angle[0], angle[1], angle[2]))
         };
-        let frame = Frame {
+        let frame = BodyFrame {
             inertia: Vector6::new(
                 mass,
                 mass,

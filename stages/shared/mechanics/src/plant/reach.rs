@@ -106,7 +106,7 @@ pub enum Unreachable {
 const ROUNDS: u32 = 5000;
 
 impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
-    /// How the rig holds a pose, of the ways that there are the one nearest to `wanted` pushes (N).
+    /// How the rig holds a pose, of the ways that there are the one nearest to `requested` pushes (N).
     ///
     /// # Errors
     /// [`Unreachable`] names the bladder that stands in the way.
@@ -114,7 +114,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         &self,
         position: &SVector<f64, D>,
         limits: &Limits,
-        wanted: &SVector<f64, B>,
+        requested: &SVector<f64, B>,
     ) -> Result<Hold<B>, Unreachable> {
         if !position.iter().all(|x| x.is_finite()) {
             return Err(Unreachable::NotFinite);
@@ -132,7 +132,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
                 return Err(apart);
             }
         }
-        let force = self.pushes(position, limits.push, &greatest, wanted)?;
+        let force = self.pushes(position, limits.push, &greatest, requested)?;
         let mut bladders = [self.shell.pressed(1.0, gaps[0]); B];
         let mut air = SVector::<f64, B>::zeros();
         for (bladder, pressed) in bladders.iter_mut().enumerate() {
@@ -154,12 +154,12 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         to: &SVector<f64, D>,
         parts: u32,
         limits: &Limits,
-        wanted: &SVector<f64, B>,
+        requested: &SVector<f64, B>,
     ) -> Result<(), (f64, Unreachable)> {
         for i in 0..=parts {
             let part = f64::from(i) / f64::from(parts.max(1));
             let position = from + (to - from) * part;
-            self.reach(&position, limits, wanted).map_err(|why| (part, why))?;
+            self.reach(&position, limits, requested).map_err(|why| (part, why))?;
         }
         Ok(())
     }
@@ -170,7 +170,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         about: &SVector<f64, D>,
         grid: &Grid,
         limits: &Limits,
-        wanted: &SVector<f64, B>,
+        requested: &SVector<f64, B>,
     ) -> Vec<Result<Hold<B>, Unreachable>> {
         let mut map = Vec::with_capacity(grid.counts[0] * grid.counts[1]);
         for i in 0..grid.counts[0] {
@@ -178,7 +178,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
                 let mut position = *about;
                 position[grid.coordinates[0]] = grid.at(0, i);
                 position[grid.coordinates[1]] = grid.at(1, j);
-                map.push(self.reach(&position, limits, wanted));
+                map.push(self.reach(&position, limits, requested));
             }
         }
         map
@@ -191,13 +191,13 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         position: &SVector<f64, D>,
         least: f64,
         greatest: &SVector<f64, B>,
-        wanted: &SVector<f64, B>,
+        requested: &SVector<f64, B>,
     ) -> Result<SVector<f64, B>, Unreachable> {
         let needed = self.weight + self.stiffness * position;
         let slopes = self.gap_slopes(position);
         let across = slopes.transpose();
         let square: SMatrix<f64, D, D> = across * slopes;
-        let mut force = *wanted;
+        let mut force = *requested;
         let mut correction = SVector::<f64, B>::zeros();
         let mut made = force;
         for _ in 0..ROUNDS {
@@ -230,7 +230,7 @@ fn refused<const B: usize>(made: &SVector<f64, B>, least: f64, greatest: &SVecto
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plant::body::Frame;
+    use crate::plant::body::BodyFrame;
     use crate::plant::layouts::{SixDof, ThreeDof};
     use crate::plant::valve::Valves;
     use crate::shell::Shell;
@@ -241,7 +241,7 @@ mod tests {
     const STEP: [f64; 3] =
         [0.0115, 1.35 * core::f64::consts::PI / 180.0, 10.0 * core::f64::consts::PI / 180.0];
 
-    fn wanted() -> Vector3<f64> {
+    fn requested() -> Vector3<f64> {
         Vector3::repeat(20.0)
     }
 
@@ -250,8 +250,8 @@ mod tests {
         let plant = ThreeDof::rig(5.0);
         let start = plant.equilibrium(&plant.start_air(), Vector3::zeros()).unwrap();
         let end = start + Vector3::from(STEP);
-        assert_eq!(plant.reach_along(&start, &end, 20, &Limits::RIG, &wanted()), Ok(()));
-        let hold = plant.reach(&end, &Limits::RIG, &wanted()).unwrap();
+        assert_eq!(plant.reach_along(&start, &end, 20, &Limits::RIG, &requested()), Ok(()));
+        let hold = plant.reach(&end, &Limits::RIG, &requested()).unwrap();
         let rest = plant.equilibrium(&hold.air, start).unwrap();
         assert!((rest - end).amax() < 1e-9, "{rest} {end}");
     }
@@ -262,7 +262,7 @@ mod tests {
         let careful = ThreeDof::rig(5.0);
         let (k, l) = (2000.0, 0.10);
         let neck = Matrix3::new(k, -k * l, 0.0, -k * l, k * l * l + 5.0, 0.0, 0.0, 0.0, 3.0);
-        let frame = Frame {
+        let frame = BodyFrame {
             inertia: careful.inertia,
             weight: careful.weight,
             stiffness: neck,
@@ -272,7 +272,7 @@ mod tests {
         };
         let plant = ThreeDof::new(Shell::rig(), Air::ROOM, Valves::rig(), frame);
         let start = plant.equilibrium(&careful.start_air(), Vector3::zeros()).unwrap();
-        let error = plant.reach(&(start + Vector3::from(STEP)), &Limits::RIG, &wanted()).unwrap_err();
+        let error = plant.reach(&(start + Vector3::from(STEP)), &Limits::RIG, &requested()).unwrap_err();
         assert!(matches!(error, Unreachable::Pulls { .. } | Unreachable::TooHard { .. }), "{error}");
     }
 
@@ -286,7 +286,7 @@ mod tests {
             to: [start.x + 0.08, start.y + 0.6],
             counts: [25, 25],
         };
-        let map = plant.reach_map(&start, &grid, &Limits::RIG, &wanted());
+        let map = plant.reach_map(&start, &grid, &Limits::RIG, &requested());
         let held = map.iter().filter(|h| h.is_ok()).count();
         assert!((100..560).contains(&held), "{held}");
         assert!(map[8 * 25 + 12].is_ok() && map[0].is_err());
@@ -296,7 +296,7 @@ mod tests {
     fn no_pose_is_no_pose() {
         let plant = ThreeDof::rig(5.0);
         for bad in [f64::NAN, f64::INFINITY] {
-            let error = plant.reach(&Vector3::new(bad, 0.0, 0.0), &Limits::RIG, &wanted()).unwrap_err();
+            let error = plant.reach(&Vector3::new(bad, 0.0, 0.0), &Limits::RIG, &requested()).unwrap_err();
             assert_eq!(error, Unreachable::NotFinite);
         }
     }
@@ -308,7 +308,7 @@ mod tests {
         ) {
             let plant = ThreeDof::rig(5.0);
             let q = Vector3::new(q.0, q.1, q.2);
-            if let Ok(hold) = plant.reach(&q, &Limits::RIG, &wanted()) {
+            if let Ok(hold) = plant.reach(&q, &Limits::RIG, &requested()) {
                 let (left, _) = plant.static_force(&q, &hold.air);
                 prop_assert!(left.amax() < 1e-6, "{}", left);
                 for (pressed, force) in hold.bladders.iter().zip(hold.force.iter()) {

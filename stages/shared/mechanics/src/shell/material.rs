@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_shell_that_cannot_be_is_refused_with_its_numbers() {
-        for (c1, c2, inner, outer, said) in [
+        for (c1, c2, inner, outer, statement) in [
             (0.0, 1.0, 0.05, 0.06, "modulus C1 is 0 Pa"),
             (f64::NAN, 1.0, 0.05, 0.06, "modulus C1 is NaN Pa"),
             (1.0, -2.0, 0.05, 0.06, "modulus C2 is -2 Pa"),
@@ -122,7 +122,7 @@ mod tests {
             (1.0, 1.0, 0.05, f64::INFINITY, "inf m outside"),
         ] {
             let message = Shell::new(c1, c2, inner, outer).unwrap_err().to_string();
-            assert!(message.contains(said), "{message}");
+            assert!(message.contains(statement), "{message}");
         }
     }
 

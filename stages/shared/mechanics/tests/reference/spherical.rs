@@ -75,11 +75,11 @@ mod tests {
         fn force_and_acceleration_undo_each_other(
             q in prop::array::uniform3(0.3..2.8f64),
             rate in prop::array::uniform3(-2.0..2.0f64),
-            wanted in prop::array::uniform3(-2.0..2.0f64),
+            requested in prop::array::uniform3(-2.0..2.0f64),
         ) {
-            let (motion, wanted) = (Motion { q: q.into(), rate: rate.into() }, Vector3::from(wanted));
-            let found = acceleration(0.7, &motion, &force(0.7, &motion, &wanted));
-            prop_assert!((found - wanted).amax() < 1e-9, "{}", found);
+            let (motion, requested) = (Motion { q: q.into(), rate: rate.into() }, Vector3::from(requested));
+            let found = acceleration(0.7, &motion, &force(0.7, &motion, &requested));
+            prop_assert!((found - requested).amax() < 1e-9, "{}", found);
         }
     }
 }

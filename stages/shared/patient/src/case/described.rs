@@ -158,7 +158,7 @@ pub fn import_described_as(json: &Path, names: &NameTable, scale: Scale) -> Resu
     }
     let grid = Grid { counts, spacing_mm: description.spacing_mm, origin_mm: description.origin_mm };
     check_grid(&grid).map_err(|source| DescribedError::Case { path: json.to_owned(), source })?;
-    let volume = |name: &str| beside(json, name, &grid);
+    let volume = |name: &str| sibling(json, name, &grid);
     let hu = hounsfield(&description.ct, volume(&description.ct)?).map_err(disagree)?;
     let labels = labels(&description.labels, volume, disagree)?;
     let reference_dose_gy = match &description.dose_centigray {
@@ -261,7 +261,7 @@ fn dose(name: &str, values: Values) -> Result<Vec<f32>, String> {
 }
 
 /// The values of a volume beside the JSON, which must lie on the grid that the JSON says.
-fn beside(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError> {
+fn sibling(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError> {
     if Path::new(name).file_name() != Some(name.as_ref()) {
         let why = format!("{name:?} is no plain file name: volumes lie in the folder of the JSON");
         return Err(DescribedError::Disagree { path: json.to_owned(), why });
@@ -324,8 +324,8 @@ fn structures(
         let mask = Mask::from_fn(file.voxels.len(), |i| file.voxels[i] & single != 0);
         let count = mask.count();
         if voxels.is_some_and(|v| v != count) {
-            let said = voxels.unwrap_or_default();
-            return Err(format!("{name:?} has {count} voxels in the labels, but the JSON says {said}"));
+            let stated = voxels.unwrap_or_default();
+            return Err(format!("{name:?} has {count} voxels in the labels, but the JSON says {stated}"));
         }
         written.push((name.as_str(), Some(role)));
         masks.push(mask);

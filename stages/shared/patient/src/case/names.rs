@@ -245,7 +245,7 @@ mod tests {
             ("Parotid_Low", Some(Role::Organ)),
         ];
         let roles: Vec<_> = shipped.apply(&written, &mut notes);
-        let due = [
+        let required = [
             ("Liver-PTV", Role::Organ),
             ("PTV_Ring", Role::Other),
             ("Prostate", Role::Target),
@@ -253,7 +253,7 @@ mod tests {
             ("PTV", Role::Target),
             ("Parotid_Low", Role::Organ),
         ];
-        assert_eq!(roles, due.map(|(name, role)| (name.to_owned(), role)));
+        assert_eq!(roles, required.map(|(name, role)| (name.to_owned(), role)));
         assert!(
             notes.iter().any(|n| n.contains(r#""Prostate" has the role target by its type"#)),
             "{notes:?}"

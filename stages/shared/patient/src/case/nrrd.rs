@@ -73,11 +73,11 @@ pub enum NrrdError {
     },
     /// Uncompressed data are longer than the volume.
     #[error(
-        "the data have {found} bytes, but the volume has {due}: a byte was added, or `sizes` or `type` is wrong"
+        "the data have {found} bytes, but the volume has {expected}: a byte was added, or `sizes` or `type` is wrong"
     )]
     Long {
         /// Bytes of the volume.
-        due: usize,
+        expected: usize,
         /// Bytes of the data.
         found: usize,
     },
@@ -155,10 +155,10 @@ pub fn read_nrrd(bytes: &[u8]) -> Result<Volume, NrrdError> {
     })
 }
 
-/// The volume that these bytes of an NRRD file hold; `beside` reads the file that its header names, if it names one.
+/// The volume that these bytes of an NRRD file hold; `sibling` reads the file that its header names, if it names one.
 pub(crate) fn read_detached(
     bytes: &[u8],
-    beside: impl FnOnce(&str) -> Result<Vec<u8>, NrrdError>,
+    sibling: impl FnOnce(&str) -> Result<Vec<u8>, NrrdError>,
 ) -> Result<Volume, NrrdError> {
     if !bytes.starts_with(b"NRRD000") {
         return Err(NrrdError::Magic);
@@ -172,11 +172,11 @@ pub(crate) fn read_detached(
         },
     };
     let fields = fields(header)?;
-    let kind = Kind::of(due(fields.kind, "type")?)?;
+    let kind = Kind::of(expected(fields.kind, "type")?)?;
     let (grid, flipped) = grid(&fields)?;
     let is_big = match (fields.endian, kind) {
         (None, Kind::U8) => false,
-        (endian, _) => match due(endian, "endian")? {
+        (endian, _) => match expected(endian, "endian")? {
             "little" => false,
             "big" => true,
             other => return fault("endian", other, "`little` or `big` is required"),
@@ -192,15 +192,15 @@ pub(crate) fn read_detached(
                     "the name of one file in the folder of the header is required",
                 );
             }
-            Some(beside(name)?)
+            Some(sibling(name)?)
         }
     };
     let data = detached.as_deref().unwrap_or(data);
     let size = kind.bytes() * grid.len();
-    let mut raw = match due(fields.encoding, "encoding")? {
+    let mut raw = match expected(fields.encoding, "encoding")? {
         "gzip" | "gz" => inflate(MultiGzDecoder::new(data), data.len(), size)?,
         "raw" if data.len() > size => {
-            return Err(NrrdError::Long { due: size, found: data.len() });
+            return Err(NrrdError::Long { expected: size, found: data.len() });
         }
         "raw" => inflate(data, data.len(), size)?,
         other => return fault("encoding", other, "`gzip` or `raw` is required"),
@@ -256,7 +256,7 @@ fn fault<T>(field: &'static str, text: &str, why: &'static str) -> Result<T, Nrr
     Err(NrrdError::Field { field, text: text.chars().take(80).collect(), why })
 }
 
-fn due<'a>(field: Option<&'a str>, name: &'static str) -> Result<&'a str, NrrdError> {
+fn expected<'a>(field: Option<&'a str>, name: &'static str) -> Result<&'a str, NrrdError> {
     field.ok_or(NrrdError::Missing(name))
 }
 
@@ -297,16 +297,16 @@ fn fields(header: &str) -> Result<Fields<'_>, NrrdError> {
 
 /// The grid in the DICOM patient frame, and which axes of the file run against it.
 fn grid(fields: &Fields<'_>) -> Result<(Grid, [bool; 3]), NrrdError> {
-    let dimension = due(fields.dimension, "dimension")?;
+    let dimension = expected(fields.dimension, "dimension")?;
     if dimension != "3" {
         return fault("dimension", dimension, "volumes have 3 axes");
     }
-    let space = due(fields.space, "space")?;
+    let space = expected(fields.space, "space")?;
     let Some(signs) = signs(space) else {
         let why = "left or right, posterior or anterior, superior or inferior are required in this order, like left-posterior-superior or RAS";
         return fault("space", space, why);
     };
-    let sizes = due(fields.sizes, "sizes")?;
+    let sizes = expected(fields.sizes, "sizes")?;
     let mut counts = [0; 3];
     let mut words = sizes.split_whitespace();
     for count in &mut counts {
@@ -318,7 +318,7 @@ fn grid(fields: &Fields<'_>) -> Result<(Grid, [bool; 3]), NrrdError> {
     if words.next().is_some() {
         return fault("sizes", sizes, "three whole numbers are due");
     }
-    let text = due(fields.directions, "space directions")?;
+    let text = expected(fields.directions, "space directions")?;
     let Some(directions) = vectors::<3>(text) else {
         return fault("space directions", text, "three vectors like (3,0,0) are due");
     };
@@ -339,7 +339,7 @@ fn grid(fields: &Fields<'_>) -> Result<(Grid, [bool; 3]), NrrdError> {
         let along_mm = signs[axis] * direction[axis];
         (spacing_mm[axis], flipped[axis]) = (along_mm.abs(), along_mm < 0.0);
     }
-    let text = due(fields.origin, "space origin")?;
+    let text = expected(fields.origin, "space origin")?;
     let Some([origin_mm]) = vectors::<1>(text) else {
         return fault("space origin", text, "one vector like (-250,-250,-160) is due");
     };

@@ -54,7 +54,7 @@ pub fn read_surface(
     isocentre_mm: Option<[f64; 3]>,
     position: Option<PatientPosition>,
 ) -> Result<PatientSurface, SurfaceFileError> {
-    let (mesh, said, lies) = if bytes.starts_with(b"SPCASE") {
+    let (mesh, stated, lies) = if bytes.starts_with(b"SPCASE") {
         let case = from_bytes(bytes)?;
         (outline(&case)?, Some(case.isocentre_mm()), case.position())
     } else {
@@ -71,7 +71,7 @@ pub fn read_surface(
     if !(EXTENT_MM[0]..=EXTENT_MM[1]).contains(&extent) {
         return Err(SurfaceFileError::Extent(extent));
     }
-    let isocentre_mm = isocentre_mm.or(said).ok_or(SurfaceFileError::NoIsocentre)?;
+    let isocentre_mm = isocentre_mm.or(stated).ok_or(SurfaceFileError::NoIsocentre)?;
     Ok(PatientSurface { mesh, placing: Placing { isocentre_mm, position: position.unwrap_or(lies) } })
 }
 

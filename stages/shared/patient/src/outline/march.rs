@@ -135,8 +135,8 @@ mod tests {
             let mut sides: BTreeMap<(u32, u32), i32> = BTreeMap::new();
             for [a, b, c] in &mesh.triangles {
                 for (from, to) in [(a, b), (b, c), (c, a)] {
-                    let way = if from < to { 1 } else { -1 };
-                    *sides.entry((*from.min(to), *from.max(to))).or_default() += way;
+                    let path = if from < to { 1 } else { -1 };
+                    *sides.entry((*from.min(to), *from.max(to))).or_default() += path;
                 }
             }
             assert!(sides.values().all(|sum| *sum == 0), "closed, and all triangles face one way");

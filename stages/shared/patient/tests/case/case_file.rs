@@ -20,18 +20,18 @@ fn a_case_comes_back_from_its_file_with_its_hash() {
     let path = folder.path().join("small.case");
     let case = case();
     let hash = write(&case, &path).unwrap();
-    let again = read(&path).unwrap();
-    assert_eq!((again.name(), again.hu(), again.grid()), (case.name(), case.hu(), case.grid()));
-    assert_eq!(again.structures(), case.structures());
-    assert_eq!(again.isocentre_mm(), case.isocentre_mm());
-    assert_eq!((again.uids(), again.fractions()), (case.uids(), case.fractions()));
+    let repeated = read(&path).unwrap();
+    assert_eq!((repeated.name(), repeated.hu(), repeated.grid()), (case.name(), case.hu(), case.grid()));
+    assert_eq!(repeated.structures(), case.structures());
+    assert_eq!(repeated.isocentre_mm(), case.isocentre_mm());
+    assert_eq!((repeated.uids(), repeated.fractions()), (case.uids(), case.fractions()));
     assert_eq!(
-        (again.prescription(), again.reference_dose_gy()),
+        (repeated.prescription(), repeated.reference_dose_gy()),
         (case.prescription(), case.reference_dose_gy())
     );
-    assert_eq!(again.provenance(), case.provenance());
-    assert_eq!(content_hash(&again).unwrap(), hash);
-    assert_eq!(to_bytes(&again).unwrap().0, std::fs::read(&path).unwrap());
+    assert_eq!(repeated.provenance(), case.provenance());
+    assert_eq!(content_hash(&repeated).unwrap(), hash);
+    assert_eq!(to_bytes(&repeated).unwrap().0, std::fs::read(&path).unwrap());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no half-written file stays");
 }
 
@@ -95,8 +95,8 @@ fn every_cut_and_every_changed_byte_of_a_case_file_is_noticed() {
         let mut changed = bytes.clone();
         changed[place] ^= 1;
         // Two bytes of each zlib header say how hard the packer tried; what they hold does not reach the case.
-        if let Ok(again) = from_bytes(&changed) {
-            assert_eq!(again, case_as_read(), "byte {place}");
+        if let Ok(repeated) = from_bytes(&changed) {
+            assert_eq!(repeated, case_as_read(), "byte {place}");
         }
     }
     let mut longer = bytes;
@@ -115,9 +115,9 @@ proptest! {
         parts.grid = Grid { spacing_mm: spacing, origin_mm: origin, ..GRID };
         parts.prescription[0].dose_gy = dose;
         let case = Case::new(parts).unwrap();
-        let again = from_bytes(&to_bytes(&case).unwrap().0).unwrap();
-        prop_assert_eq!(again.grid(), case.grid());
-        prop_assert_eq!(again.isocentre_mm(), case.isocentre_mm());
-        prop_assert_eq!(again.prescription(), case.prescription());
+        let repeated = from_bytes(&to_bytes(&case).unwrap().0).unwrap();
+        prop_assert_eq!(repeated.grid(), case.grid());
+        prop_assert_eq!(repeated.isocentre_mm(), case.isocentre_mm());
+        prop_assert_eq!(repeated.prescription(), case.prescription());
     }
 }

@@ -50,9 +50,9 @@ fn a_description_at_odds_is_refused_with_the_file() {
         ("{\"PTV\": 50}", "{\"PTV\": 5000}", "at most 200 Gy"),
         ("\"fractions\": 25", "\"fractions\": \"x\"", "does not describe a case"),
     ] {
-        let said = refusal(from, to);
-        assert!(said.contains(expected), "{said}");
-        assert!(said.contains("small."), "names the file: {said}");
+        let stated = refusal(from, to);
+        assert!(stated.contains(expected), "{stated}");
+        assert!(stated.contains("small."), "names the file: {stated}");
     }
     let unnamed = r#",
                    {"name": "PTV", "bit": 3, "type": "TARGET", "voxels": 2, "volume_cm3": 0.1}"#;
@@ -63,12 +63,12 @@ fn a_description_at_odds_is_refused_with_the_file() {
 fn a_truncated_volume_is_refused_with_the_file_and_what_to_do() {
     for name in ["small.ct.nrrd", "small.labels.nrrd", "small.dose.nrrd"] {
         for part in [0.2, 0.97] {
-            let said = import(JSON, |folder| {
+            let stated = import(JSON, |folder| {
                 let bytes = std::fs::read(folder.join(name)).unwrap();
                 std::fs::write(folder.join(name), &bytes[..(bytes.len() as f64 * part) as usize]).unwrap();
             });
-            let said = said.unwrap_err();
-            assert!(said.contains(name) && said.contains("again"), "{said}");
+            let stated = stated.unwrap_err();
+            assert!(stated.contains(name) && stated.contains("again"), "{stated}");
         }
     }
 }
@@ -96,8 +96,8 @@ fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
         ("encoding", "bzip2", "`gzip` or `raw`"),
         ("data file", "other.raw", "in one file"),
     ] {
-        let said = read(field, text).unwrap_err().to_string();
-        assert!(said.contains(expected), "{field}: {text}: {said}");
+        let stated = read(field, text).unwrap_err().to_string();
+        assert!(stated.contains(expected), "{field}: {text}: {stated}");
     }
     assert!(read_nrrd(b"PNG").unwrap_err().to_string().contains("no NRRD file"));
     assert!(read_nrrd(b"NRRD0005\ntype: int16\n").unwrap_err().to_string().contains("empty line"));

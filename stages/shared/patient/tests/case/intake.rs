@@ -51,8 +51,8 @@ proptest! {
     ) {
         let shifted: Vec<i16> = hu().iter().map(|h| h + off).collect();
         let structures = if is_drawn { vec![body()] } else { Vec::new() };
-        let said = settled(&shifted, structures).unwrap_err();
-        prop_assert!(said.contains("implausible Hounsfield units") || said.contains("hold no body"), "{}", said);
+        let stated = settled(&shifted, structures).unwrap_err();
+        prop_assert!(stated.contains("implausible Hounsfield units") || stated.contains("hold no body"), "{}", stated);
     }
 
     #[test]
@@ -102,8 +102,8 @@ fn an_outline_is_made_from_the_images_without_the_couch() {
     let off = (0..GRID.len()).filter(|&i| structures[0].mask.contains(i) != due.contains(i)).count();
     assert!(off < due.count() / 50, "{off} of {}", due.count());
     assert!(notes.contains("is made from the images"), "{notes}");
-    let said = settled(&vec![-1000; GRID.len()], Vec::new()).unwrap_err();
-    assert!(said.contains("implausible") || said.contains("hold no body"), "{said}");
+    let stated = settled(&vec![-1000; GRID.len()], Vec::new()).unwrap_err();
+    assert!(stated.contains("implausible") || stated.contains("hold no body"), "{stated}");
 }
 
 #[test]

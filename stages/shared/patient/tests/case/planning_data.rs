@@ -55,12 +55,12 @@ fn every_case_of_the_data_is_read_with_its_isocentre_at_the_centroid() {
 fn a_real_patient_keeps_its_reference_dose_through_the_case_file() {
     let Some(root) = reference::folder("planning") else { return };
     let case = import(&root.join("openkbp/openkbp_1.json"));
-    let again = from_bytes(&to_bytes(&case).unwrap().0).unwrap();
-    assert_eq!(again.structures(), case.structures());
-    assert_eq!(again.hu(), case.hu());
-    let dose = again.reference_dose_gy().unwrap();
+    let repeated = from_bytes(&to_bytes(&case).unwrap().0).unwrap();
+    assert_eq!(repeated.structures(), case.structures());
+    assert_eq!(repeated.hu(), case.hu());
+    let dose = repeated.reference_dose_gy().unwrap();
     assert_eq!(case.reference_dose_gy().unwrap(), dose);
-    let ptv = again.structure("PTV70").unwrap();
+    let ptv = repeated.structure("PTV70").unwrap();
     assert_eq!(ptv.role, Role::Target);
     let mean = ptv.mask.indices().map(|i| f64::from(dose[i])).sum::<f64>() / ptv.mask.count() as f64;
     assert!((65.0..75.0).contains(&mean), "{mean} Gy");

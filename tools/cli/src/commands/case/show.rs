@@ -29,7 +29,7 @@ impl Show {
         let case = read(&self.case).map_err(Failure::wrong)?;
         let hash = content_hash(&case).map_err(Failure::failed)?.to_string();
         match self.json {
-            true => print_json(&told(&case, &hash))?,
+            true => print_json(&reported(&case, &hash))?,
             false => print(&case, &hash),
         }
         if let Some(folder) = &self.out {
@@ -62,7 +62,7 @@ fn extent_mm(case: &Case, structure: &Structure) -> Option<[[f64; 2]; 3]> {
     (!structure.mask.is_empty()).then_some(extent)
 }
 
-fn told(case: &Case, hash: &str) -> serde_json::Value {
+fn reported(case: &Case, hash: &str) -> serde_json::Value {
     let structure = |s: &Structure| json!({ "name": s.name, "role": s.role, "voxels": s.mask.count(), "volume_cm3": case.volume_cm3(s), "extent_mm": extent_mm(case, s) });
     json!({
         "name": case.name(),

@@ -38,5 +38,5 @@ pub fn histograms(outcome: &Outcome<'_>) -> Result<String, String> {
         y: "volume with at least this dose, %".into(),
         series,
     };
-    chart.svg_with_legend_beside(960, 520, &colours)
+    chart.svg_with_legend_aside(960, 520, &colours)
 }

@@ -92,21 +92,21 @@ impl Delivered {
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
         let outcome = Outcome::new(&case, &plan, &recorded, width, threads, self.json)?;
-        let told = outcome.told(&plan, &reference, &recorded);
+        let reported = outcome.reported(&plan, &reference, &recorded);
         let svg = chart::histograms(&outcome).map_err(Failure::failed)?;
         let out = self.out.clone().unwrap_or_else(|| Path::new("delivered").join(name(&self.session)));
         let fault = |e: &dyn std::fmt::Display| {
             Failure::failed(format!("{}: {e}; choose another folder with --out", out.display()))
         };
         std::fs::create_dir_all(&out).map_err(|e| fault(&e))?;
-        let text = serde_json::to_string_pretty(&told).map_err(Failure::failed)?;
+        let text = serde_json::to_string_pretty(&reported).map_err(Failure::failed)?;
         let files = [("delivered.json", text), ("delivered.svg", svg)];
         for (name, text) in &files {
             stillpoint_map::publish(&out.join(name), |file| file.write_all(text.as_bytes()))
                 .map_err(|e| fault(&e))?;
         }
         if self.json {
-            print_json(&told)?;
+            print_json(&reported)?;
         } else {
             table::print(&outcome, &plan, &reference, &recorded);
             files.iter().for_each(|(name, _)| outln!("{}", out.join(name).display()));

@@ -116,7 +116,7 @@ impl<'a> Outcome<'a> {
     }
 
     /// Everything, as it is written to delivered.json; nothing in it depends on a clock.
-    pub fn told(&self, plan: &DeliveredPlan, reference: &Reference, recorded: &Recorded) -> Value {
+    pub fn reported(&self, plan: &DeliveredPlan, reference: &Reference, recorded: &Recorded) -> Value {
         let grid = &self.grid;
         let dose = |dose: &Dose<'_>| json!({ "name": dose.name, "structures": dose.figures });
         json!({
@@ -141,8 +141,8 @@ impl<'a> Outcome<'a> {
             "bin_mm": self.width.shift_mm,
             "bin_deg": self.width.turn_rad.to_degrees(),
             "grid": { "counts": grid.counts, "spacing_mm": grid.spacing_mm, "origin_mm": grid.origin_mm },
-            "beam_on": self.on.told(),
-            "after_arming": self.armed.told(),
+            "beam_on": self.on.reported(),
+            "after_arming": self.armed.reported(),
             "doses": self.doses.iter().map(dose).collect::<Vec<_>>(),
             "delivered_minus_shifted_cloud_gy": { "rms": self.from_cloud_gy[0], "largest": self.from_cloud_gy[1] },
         })
@@ -179,7 +179,7 @@ impl MotionTime {
         }
     }
 
-    fn told(&self) -> Value {
+    fn reported(&self) -> Value {
         let bin = |bin: &Bin| json!({ "share": bin.share, "shift_mm": bin.shift_mm, "turn_deg": bin.turn_rad.map(f64::to_degrees) });
         json!({
             "seconds": self.seconds,

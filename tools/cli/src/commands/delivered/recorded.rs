@@ -142,10 +142,10 @@ fn motion(
     MotionAt { time_ns, shift_mm: shift.into(), turn_rad: turn.into() }
 }
 
-fn beam_topic<'s>(session: &'s Session, wanted: Option<&str>) -> Result<&'s Topic, Failure> {
+fn beam_topic<'s>(session: &'s Session, requested: Option<&str>) -> Result<&'s Topic, Failure> {
     let of = |kind: &'static SampleKind| session.topics().iter().filter(move |t| is_of(t, kind));
     let mut both = of(FarEnd::KIND).chain(of(Gate::KIND));
-    match wanted {
+    match requested {
         None => both.next().ok_or_else(|| {
             Failure::wrong(
                 "the session records neither the state of a far end nor that of a gate; add `far.state` or `gate.state` \

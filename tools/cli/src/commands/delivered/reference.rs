@@ -80,9 +80,9 @@ impl Reference {
             .read(surface)
             .map_err(|e| Failure::failed(format!("the surface {surface} of the session: {e}")))?;
         let is_case = match from_bytes(&bytes) {
-            Ok(kept) => {
+            Ok(retained) => {
                 let hash = |case: &Case| content_hash(case).map_err(Failure::failed);
-                Some(hash(&kept)? == hash(case)?)
+                Some(hash(&retained)? == hash(case)?)
             }
             // A mesh.
             Err(_) => None,

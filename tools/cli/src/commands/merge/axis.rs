@@ -2,7 +2,7 @@
 
 use stillpoint_operator::outside::ClockOffset;
 
-use super::part::Part;
+use super::part::MergedPart;
 use super::wrong;
 use crate::exit::Failure;
 
@@ -11,7 +11,7 @@ use crate::exit::Failure;
 /// Each pair of hosts has the measurement of the least uncertainty. Where another measurement of the pair contradicts
 /// it, as a clock that was set during the run does, the uncertainty grows until it holds that one, too. A host that
 /// exchanged no sample with the first one is placed through others.
-pub fn clocks(parts: &[Part]) -> Result<Vec<ClockOffset>, Failure> {
+pub fn clocks(parts: &[MergedPart]) -> Result<Vec<ClockOffset>, Failure> {
     one_run(parts)?;
     let mut clocks: Vec<Option<ClockOffset>> = vec![None; parts.len()];
     clocks[0] = Some(ClockOffset { offset: 0, uncertainty: 0 });
@@ -47,7 +47,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// The sessions are those of different hosts that ran the same pipeline.
-fn one_run(parts: &[Part]) -> Result<(), Failure> {
+fn one_run(parts: &[MergedPart]) -> Result<(), Failure> {
     for (number, part) in parts.iter().enumerate() {
         let first = &parts[0];
         if part.pipeline != first.pipeline || part.sets != first.sets {
@@ -70,8 +70,8 @@ fn one_run(parts: &[Part]) -> Result<(), Failure> {
 }
 
 /// Time of the second session minus time of the first, as both measured it.
-fn between(one: &Part, other: &Part) -> Option<ClockOffset> {
-    let of = |part: &Part, host: &str, sign: i64| -> Vec<ClockOffset> {
+fn between(one: &MergedPart, other: &MergedPart) -> Option<ClockOffset> {
+    let of = |part: &MergedPart, host: &str, sign: i64| -> Vec<ClockOffset> {
         let found = part.measured.iter().filter(|(of, _)| of == host);
         found.map(|(_, clock)| ClockOffset { offset: clock.offset.saturating_mul(sign), ..*clock }).collect()
     };

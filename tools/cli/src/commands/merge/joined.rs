@@ -13,7 +13,7 @@ use stillpoint_recorder::{
 use stillpoint_samples::{HEADER_SIZE, Header, Pieces};
 use zerocopy::IntoBytes;
 
-use super::part::Part;
+use super::part::MergedPart;
 use crate::exit::Failure;
 
 /// Metadata record of a session that was joined.
@@ -29,7 +29,7 @@ pub struct Written {
 
 /// A session that is read, with its times on the axis of the first.
 struct Walk<'p> {
-    part: &'p Part,
+    part: &'p MergedPart,
     clock: ClockOffset,
     /// Realtime minus session time of this session, and of the first one, ns.
     realtime: (i128, i128),
@@ -55,7 +55,7 @@ impl Walk<'_> {
 }
 
 /// Writes the session into a new folder. A session that cannot be read to its end leaves no folder.
-pub fn write(out: &Path, parts: &[Part], clocks: &[ClockOffset]) -> Result<Written, Failure> {
+pub fn write(out: &Path, parts: &[MergedPart], clocks: &[ClockOffset]) -> Result<Written, Failure> {
     create_session(out).map_err(|e| Failure::failed(format!("{}: {e}", out.display())))?;
     let written = fill(out, parts, clocks);
     if written.is_err() {
@@ -65,7 +65,7 @@ pub fn write(out: &Path, parts: &[Part], clocks: &[ClockOffset]) -> Result<Writt
     written
 }
 
-fn fill(out: &Path, parts: &[Part], clocks: &[ClockOffset]) -> Result<Written, Failure> {
+fn fill(out: &Path, parts: &[MergedPart], clocks: &[ClockOffset]) -> Result<Written, Failure> {
     let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", out.display()));
     let (_, file) = create_part(out).map_err(io)?;
     let opening = opening(parts, clocks);
@@ -125,7 +125,7 @@ fn fill(out: &Path, parts: &[Part], clocks: &[ClockOffset]) -> Result<Written, F
 fn put<W: std::io::Write>(
     writer: &mut PartWriter<W>,
     topic: TopicId,
-    part: &Part,
+    part: &MergedPart,
     sample: &Recorded,
     (clock, logged): (ClockOffset, u64),
 ) -> Result<(), Failure> {
@@ -158,7 +158,7 @@ fn ahead(session: &Session) -> i128 {
     first.map_or(0, |clock| i128::from(clock.realtime_ns) - i128::from(clock.logical_ns))
 }
 
-fn opening(parts: &[Part], clocks: &[ClockOffset]) -> Opening {
+fn opening(parts: &[MergedPart], clocks: &[ClockOffset]) -> Opening {
     let mut merged = BTreeMap::new();
     for (part, clock) in parts.iter().zip(clocks) {
         let mut say = |what: &str, value: String| merged.insert(format!("{}.{what}", part.host), value);

@@ -15,7 +15,7 @@ use serde_json::json;
 use stillpoint_operator::Registry;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
-use part::Part;
+use part::MergedPart;
 
 /// Join the sessions of the hosts of one run on the time axis of the first session.
 ///
@@ -38,8 +38,8 @@ pub struct Merge {
 impl Merge {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let parts: Vec<Part> =
-            self.sessions.iter().map(|path| Part::open(path, registry)).collect::<Result<_, _>>()?;
+        let parts: Vec<MergedPart> =
+            self.sessions.iter().map(|path| MergedPart::open(path, registry)).collect::<Result<_, _>>()?;
         let clocks = axis::clocks(&parts)?;
         let written = joined::write(&self.out, &parts, &clocks)?;
         if self.json {

@@ -19,7 +19,7 @@ use crate::exit::Failure;
 const HOST: &str = "host=";
 
 /// The session of a host.
-pub struct Part {
+pub struct MergedPart {
     /// Folder or file.
     pub path: PathBuf,
     /// What is in it.
@@ -34,7 +34,7 @@ pub struct Part {
     pub measured: Vec<(String, ClockOffset)>,
 }
 
-impl Part {
+impl MergedPart {
     /// Opens the session.
     pub fn open(path: &Path, registry: &Registry) -> Result<Self, Failure> {
         let name = path.display();
@@ -49,7 +49,7 @@ impl Part {
                  there is nothing to join it with"
             )));
         };
-        let attached = |name: &str| session.attachments().get(name).map(|kept| kept.bytes.clone());
+        let attached = |name: &str| session.attachments().get(name).map(|retained| retained.bytes.clone());
         let pipeline = String::from_utf8(attached(PIPELINE).unwrap_or_default()).unwrap_or_default();
         let sets: Vec<String> =
             serde_json::from_slice(&attached(SETS).unwrap_or_default()).unwrap_or_default();

@@ -54,7 +54,7 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
             colours.push(place);
         }
     }
-    let beside = match (&reference, moved.is_empty()) {
+    let side_by_side = match (&reference, moved.is_empty()) {
         (Some(_), true) => "; dashed: the reference dose of the case",
         (None, false) => "; dashed: minimum and maximum over the set-ups",
         (Some(_), false) => {
@@ -63,12 +63,12 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
         (None, true) => "",
     };
     let chart = Chart {
-        title: format!("{}, {}{beside}", request.setup.case.name(), angles(&outcome.angles_deg)),
+        title: format!("{}, {}{side_by_side}", request.setup.case.name(), angles(&outcome.angles_deg)),
         x: "dose, Gy".into(),
         y: "volume with at least this dose, %".into(),
         series,
     };
-    chart.svg_with_legend_beside(960, 520, &colours)
+    chart.svg_with_legend_aside(960, 520, &colours)
 }
 
 /// The dose at which histograms end, gray.
@@ -87,8 +87,8 @@ pub fn percent_curve(dvh: &Dvh, up_to_gy: f64) -> Vec<(f64, f64)> {
 pub fn objective(request: &Request, run: &PlanRun) -> Result<String, String> {
     let full = || run.history.iter().filter(|p| p.beams.beams().len() >= request.beams).map(|p| p.cost);
     let most = if full().count() < 3 { f64::INFINITY } else { full().fold(0.0, f64::max) };
-    let costs = |name: String, wanted: &dyn Fn(usize) -> bool| {
-        let sets = run.history.iter().filter(|p| wanted(p.beams.beams().len()) && p.cost <= most);
+    let costs = |name: String, requested: &dyn Fn(usize) -> bool| {
+        let sets = run.history.iter().filter(|p| requested(p.beams.beams().len()) && p.cost <= most);
         Series { name, points: sets.map(|p| (p.solves as f64, p.cost)).collect(), style: Style::Dots }
     };
     let beams = request.beams;
@@ -110,7 +110,7 @@ pub fn objective(request: &Request, run: &PlanRun) -> Result<String, String> {
         y: "objective".into(),
         series,
     };
-    chart.svg_with_legend_beside(960, 420, &[0, 1, 2, 3])
+    chart.svg_with_legend_aside(960, 420, &[0, 1, 2, 3])
 }
 
 /// The best of each method over its solves.
@@ -134,7 +134,7 @@ pub fn comparison(request: &Request, runs: &[PlanRun]) -> Result<String, String>
         y: "best objective".into(),
         series: runs.iter().map(series).collect(),
     };
-    chart.svg_with_legend_beside(960, 480, &(0..runs.len()).collect::<Vec<_>>())
+    chart.svg_with_legend_aside(960, 480, &(0..runs.len()).collect::<Vec<_>>())
 }
 
 /// A search that ended early keeps what it found.

@@ -6,9 +6,9 @@ use stillpoint_dicom::{
 };
 use stillpoint_plan::leaves::{LeafBeam, Segment};
 
-use super::ground::Ground;
 use super::leaves::Leaves;
 use super::outcome::Outcome;
+use super::prepared::Prepared;
 use super::request::Request;
 
 /// A beam that carries less than this part of the plan has no place in an RTPLAN, where every weight is above zero.
@@ -25,12 +25,12 @@ pub struct Files {
 }
 
 /// The plan, its dose, and the structures where the case came without. Beams without weight are left out.
-pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Files, ExportError> {
+pub fn dicom(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Files, ExportError> {
     let uids = uids_of(&request.setup.case, &request.setup.hash);
     let export = Export { uids: &uids, identity: &request.identity };
     let beams = match &outcome.leaves {
         Some(leaves) => shaped(request, outcome, leaves),
-        None => beams(request, ground, outcome),
+        None => beams(request, prepared, outcome),
     };
     let collimator = request.collimator().filter(|_| outcome.leaves.is_some());
     let gray = outcome.leaves.as_ref().map_or(&outcome.gray[0], |leaves| &leaves.gray);
@@ -80,7 +80,7 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
     leaves.beams(outcome.run).map(beam).collect()
 }
 
-fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam> {
+fn beams(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Vec<Beam> {
     let best = &outcome.run.choice.best;
     let whole: f64 = best.plan.weights.iter().sum();
     let half = 0.5 * request.setup.spec.bixel_mm;
@@ -88,7 +88,7 @@ fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam>
         let weights = best.weights_of(*beam)?;
         let share = weights.iter().sum::<f64>() / whole;
         let lit = || {
-            ground
+            prepared
                 .doses
                 .solved
                 .bixels_mm(*beam)

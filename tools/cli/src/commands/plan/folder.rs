@@ -7,9 +7,9 @@ use rustix::fs::Access;
 
 use super::charts;
 use super::export;
-use super::ground::Ground;
 use super::outcome::Outcome;
 use super::page;
+use super::prepared::Prepared;
 use super::request::Request;
 use super::tree;
 use crate::exit::Failure;
@@ -31,13 +31,13 @@ pub fn make_ready(folder: &Path) -> Result<(), Failure> {
 /// Writes it, and says which files it has.
 pub fn write(
     request: &Request,
-    ground: &Ground,
+    prepared: &Prepared,
     runs: &[PlanRun],
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     let folder = Folder { path: &request.out };
     let mut files = Vec::new();
-    let plan = outcome.file(request, ground, runs).map_err(Failure::failed)?;
+    let plan = outcome.file(request, prepared, runs).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", plan.to_json().map_err(Failure::failed)?.as_bytes())?);
     let svg = |text: Result<String, String>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
@@ -52,16 +52,16 @@ pub fn write(
         let over = Wash {
             grid: outcome.grid(),
             gray: &outcome.gray[0],
-            most_gy: SCALE * ground.prescribed_gy,
+            most_gy: SCALE * prepared.prescribed_gy,
             beams_deg: &outcome.angles_deg,
         };
         let mut png = Vec::new();
         wash(&request.setup.case, plane, &over).write(&mut png).map_err(Failure::failed)?;
         files.push(folder.put(&format!("{}.png", plane.name()), &png)?);
     }
-    files.push(folder.put("plan.html", page::page(request, ground, outcome)?.as_bytes())?);
+    files.push(folder.put("plan.html", page::page(request, prepared, outcome)?.as_bytes())?);
     let export::Files { plan, dose, structures } =
-        export::dicom(request, ground, outcome).map_err(Failure::failed)?;
+        export::dicom(request, prepared, outcome).map_err(Failure::failed)?;
     files.push(folder.put("rtplan.dcm", &plan.bytes)?);
     files.push(folder.put("rtdose.dcm", &dose.bytes)?);
     if let Some(structures) = structures {

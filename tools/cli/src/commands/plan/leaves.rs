@@ -8,8 +8,8 @@ use stillpoint_plan::plan_file::{PlanFileLeafBeam, PlanFileLeaves, PlanFileSegme
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
-use super::ground::Ground;
 use super::outcome::figures_of;
+use super::prepared::Prepared;
 use super::request::Request;
 use crate::exit::Failure;
 use stillpoint_plan::recipe::PlanRun;
@@ -40,7 +40,7 @@ impl<'a> Leaves<'a> {
     /// Of this run, where the machine has leaves and the request wants them used; or why not.
     pub fn new(
         request: &Request,
-        ground: &Ground,
+        prepared: &Prepared,
         run: &PlanRun,
         recompute: &Recompute,
         on_grid: &OnGrid<'a>,
@@ -48,8 +48,8 @@ impl<'a> Leaves<'a> {
         let Some(collimator) = request.collimator() else { return Ok(None) };
         let best = &run.choice.best;
         let beam = |beam: &u16| FluenceBeam {
-            doses: ground.doses.solved.beam(*beam),
-            bixels_mm: ground.doses.solved.bixels_mm(*beam),
+            doses: prepared.doses.solved.beam(*beam),
+            bixels_mm: prepared.doses.solved.bixels_mm(*beam),
             weights: best.weights_of(*beam).unwrap_or_default(),
         };
         let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
@@ -68,7 +68,7 @@ impl<'a> Leaves<'a> {
         let gray = recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)?;
         let given = on_grid.evaluate(&gray);
         Ok(Some(Self {
-            figures: given.figures(&ground.volumes_at_gy),
+            figures: given.figures(&prepared.volumes_at_gy),
             fall_off: given.fall_off,
             limits: request.protocol.iter().flat_map(|p| p.judge(&request.setup.case, &given)).collect(),
             given,

@@ -1,7 +1,7 @@
 //! `stillpoint plan`: beams and fluence for a case.
 //!
 //! - `args`: the arguments; `request`: the same, checked
-//! - `ground`: the doses of the beams, from the cache
+//! - `prepared`: the doses of the beams, from the cache
 //! - `leaves`: the segments of a plan
 //! - `search`: the searches, with their progress
 //! - `pooled`: doses and solves on a pool of workers
@@ -18,11 +18,11 @@ mod charts;
 mod compare;
 mod export;
 mod folder;
-mod ground;
 mod leaves;
 mod outcome;
 mod page;
 mod pooled;
+mod prepared;
 mod request;
 mod search;
 mod table;
@@ -35,14 +35,14 @@ use stillpoint_plan::recipe::PlanRun;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use args::Action;
-use ground::Ground;
 use outcome::Outcome;
 use pooled::Pooled;
+use prepared::Prepared;
 use request::Request;
 
 pub use args::Plan;
 pub(super) use charts::percent_curve;
-pub(super) use ground::bar;
+pub(super) use prepared::bar;
 pub(super) use request::machine as machine_of;
 
 impl Plan {
@@ -56,40 +56,40 @@ impl Plan {
         folder::make_ready(&request.out)?;
         let began = Instant::now();
         let mut pooled = args.pool.open()?.map(Pooled::new);
-        let (ground, (runs, run_s), ready_s) = loop {
+        let (prepared, (runs, run_s), ready_s) = loop {
             let begun = Instant::now();
-            let ground = Ground::new(&request, pooled.as_mut())?;
+            let prepared = Prepared::new(&request, pooled.as_mut())?;
             let ready_s = begun.elapsed().as_secs_f64();
             if !args.json {
-                ground.tell(&request);
+                prepared.print_notes(&request);
             }
-            let runs = search::all(&request, &ground, pooled.as_mut())?;
-            let Some(pooled) = &mut pooled else { break (ground, runs, ready_s) };
-            pooled.tell_news();
+            let runs = search::all(&request, &prepared, pooled.as_mut())?;
+            let Some(pooled) = &mut pooled else { break (prepared, runs, ready_s) };
+            pooled.print_news();
             if !pooled.is_in_doubt(&request.doses, request.setup.engines())? {
                 if !args.json {
-                    pooled.tell();
+                    pooled.print_notes();
                 }
-                break (ground, runs, ready_s);
+                break (prepared, runs, ready_s);
             }
             errln!("pool: the plan is made again without the answers of workers that were shut out");
         };
         let (Some(best), chosen_s) = (best(&runs), began.elapsed().as_secs_f64() - ready_s) else {
             return Err(Failure::failed("no method was run"));
         };
-        let outcome = Outcome::new(&request, &ground, best)?;
-        let files = folder::write(&request, &ground, &runs, &outcome)?;
+        let outcome = Outcome::new(&request, &prepared, best)?;
+        let files = folder::write(&request, &prepared, &runs, &outcome)?;
         let seconds = json!({ "doses": ready_s, "choice": chosen_s, "all": began.elapsed().as_secs_f64() });
         if args.json {
-            let plan = outcome.file(&request, &ground, &runs).map_err(Failure::failed)?;
-            let mut told = serde_json::to_value(plan).map_err(Failure::failed)?;
-            if let Some(told) = told.as_object_mut() {
-                told.insert("files".to_owned(), json!(files));
-                told.insert("seconds".to_owned(), seconds);
+            let plan = outcome.file(&request, &prepared, &runs).map_err(Failure::failed)?;
+            let mut reported = serde_json::to_value(plan).map_err(Failure::failed)?;
+            if let Some(reported) = reported.as_object_mut() {
+                reported.insert("files".to_owned(), json!(files));
+                reported.insert("seconds".to_owned(), seconds);
             }
-            print_json(&told)?;
+            print_json(&reported)?;
         } else {
-            table::print(&request, &ground, (&runs, &run_s), &outcome);
+            table::print(&request, &prepared, (&runs, &run_s), &outcome);
             let rest_s = began.elapsed().as_secs_f64() - ready_s - chosen_s;
             outln!(
                 "\ntime: doses {ready_s:.1} s, search and fluence {chosen_s:.1} s, final dose and files {rest_s:.1} s"

@@ -17,8 +17,8 @@ use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
 
 use super::charts::{percent_curve, up_to_gy};
-use super::ground::{Ground, bar};
 use super::leaves::Leaves;
+use super::prepared::{Prepared, bar};
 use super::request::Request;
 use crate::exit::Failure;
 use stillpoint_plan::recipe::PlanRun;
@@ -56,7 +56,7 @@ pub struct Outcome<'a> {
 
 impl<'a> Outcome<'a> {
     /// Of this run.
-    pub fn new(request: &'a Request, ground: &Ground, run: &'a PlanRun) -> Result<Self, Failure> {
+    pub fn new(request: &'a Request, prepared: &Prepared, run: &'a PlanRun) -> Result<Self, Failure> {
         let best = &run.choice.best;
         let case = &request.setup.case;
         let points_mm = request.setup.points_mm();
@@ -79,19 +79,20 @@ impl<'a> Outcome<'a> {
         let gray = gray.map_err(Failure::failed)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         let given: Vec<Evaluation<'a>> = gray.iter().map(|gray| on_grid.evaluate(gray)).collect();
-        let figures = |given: &Evaluation<'_>| given.figures(&ground.volumes_at_gy);
+        let figures = |given: &Evaluation<'_>| given.figures(&prepared.volumes_at_gy);
         let of_moving = |given: &Evaluation<'_>| {
             let mut figures = figures(given);
             figures.retain(|f| follows(f.role));
             figures
         };
-        let objectives = request.setup.aims.results(&request.setup.goals, &best.plan.dose, &given[0]);
+        let objectives =
+            request.setup.objective_set.results(&request.setup.goals, &best.plan.dose, &given[0]);
         let reference = case.reference_dose_gy();
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
-        let leaves = Leaves::new(request, ground, run, &recompute, &on_grid)?;
+        let leaves = Leaves::new(request, prepared, run, &recompute, &on_grid)?;
         Ok(Self {
-            faults: faults(request, ground, run, leaves.as_ref())?,
+            faults: faults(request, prepared, run, leaves.as_ref())?,
             leaves,
             run,
             angles_deg: best
@@ -140,7 +141,7 @@ impl<'a> Outcome<'a> {
     pub fn file(
         &self,
         request: &Request,
-        ground: &Ground,
+        prepared: &Prepared,
         runs: &[PlanRun],
     ) -> Result<PlanFile, serde_json::Error> {
         let best = &self.run.choice.best;
@@ -149,7 +150,7 @@ impl<'a> Outcome<'a> {
         let machine = setup.spec.machine.file();
         let beam = |beam: &u16| {
             let weights = best.weights_of(*beam).unwrap_or_default();
-            let bixels = ground.doses.solved.bixels_mm(*beam).iter().zip(weights);
+            let bixels = prepared.doses.solved.bixels_mm(*beam).iter().zip(weights);
             PlanFileBeam {
                 gantry_deg: setup.spec.ring.angle_deg(*beam),
                 weight: weights.iter().sum(),
@@ -182,7 +183,7 @@ impl<'a> Outcome<'a> {
                 bixel_mm: params.bixels.width_mm,
                 cutoff_mm: params.cutoff_mm,
             },
-            wanted: setup.aims.structures.iter().map(objectives).collect::<Result<_, _>>()?,
+            requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             method: self.run.name,
             seed: request.seed,
@@ -232,11 +233,11 @@ fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn objectives(wanted: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
-    let objectives: Result<Vec<_>, _> = wanted.objectives.iter().map(serde_json::to_value).collect();
+fn objectives(requested: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
+    let objectives: Result<Vec<_>, _> = requested.objectives.iter().map(serde_json::to_value).collect();
     Ok(PlanFileObjectives {
-        structure: wanted.name.clone(),
-        voxels: wanted.voxels.len(),
+        structure: requested.name.clone(),
+        voxels: requested.voxels.len(),
         objectives: objectives?,
     })
 }
@@ -268,14 +269,14 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
 /// What of a plan is beyond the bounds of the check: of what is exported, the segments where there are some.
 fn faults(
     request: &Request,
-    ground: &Ground,
+    prepared: &Prepared,
     run: &PlanRun,
     leaves: Option<&Leaves<'_>>,
 ) -> Result<Vec<Fault>, Failure> {
     let (best, setup) = (&run.choice.best, &request.setup);
     let fluence = |beam: &u16| BeamFluence {
         gantry_deg: setup.spec.ring.angle_deg(*beam),
-        bixels_mm: ground.doses.solved.bixels_mm(*beam).to_vec(),
+        bixels_mm: prepared.doses.solved.bixels_mm(*beam).to_vec(),
         weights: best.weights_of(*beam).unwrap_or_default().to_vec(),
     };
     let planned: Vec<BeamFluence> = best.beams.beams().iter().map(fluence).collect();

@@ -7,7 +7,7 @@ use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Pool, PoolDoses};
 
 use crate::exit::Failure;
-use crate::pool::tell_shares;
+use crate::pool::print_shares;
 
 /// A pool, and the doses that it computed.
 pub struct Pooled {
@@ -52,14 +52,14 @@ impl Pooled {
     }
 
     /// Tells on standard error what happened to workers.
-    pub fn tell_news(&mut self) {
+    pub fn print_news(&mut self) {
         for text in self.pool.take_news() {
             errln!("pool: {text}");
         }
     }
 
     /// Tells who computed.
-    pub fn tell(&self) {
-        tell_shares(&self.pool);
+    pub fn print_notes(&self) {
+        print_shares(&self.pool);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use stillpoint_dicom::Identity;
+use stillpoint_dicom::CaseIdentity;
 use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
 use stillpoint_plan::dose::{Collimator, Machine};
@@ -42,7 +42,7 @@ pub struct Request {
     /// Where doses are kept.
     pub doses: PathBuf,
     /// Whose plan it is, in the exported DICOM.
-    pub identity: Identity,
+    pub identity: CaseIdentity,
     /// Seed of the random methods.
     pub seed: u64,
     /// Threads.
@@ -220,13 +220,13 @@ fn protocol(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failur
     protocol::read(&path.display().to_string(), bytes).map(Some).map_err(Failure::wrong)
 }
 
-fn identity(folder: Option<&Path>, case: &Case) -> Result<Identity, Failure> {
-    let Some(folder) = folder else { return Ok(Identity::none()) };
+fn identity(folder: Option<&Path>, case: &Case) -> Result<CaseIdentity, Failure> {
+    let Some(folder) = folder else { return Ok(CaseIdentity::none()) };
     let uids = case.uids().ok_or_else(|| {
         Failure::wrong(format!(
             "--keep-identity: {} does not come from DICOM, so it has no identity",
             case.name()
         ))
     })?;
-    Identity::read_again(folder, uids).map_err(Failure::failed)
+    CaseIdentity::read_stored(folder, uids).map_err(Failure::failed)
 }

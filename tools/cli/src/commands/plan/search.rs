@@ -4,10 +4,10 @@ use std::time::Instant;
 
 use stillpoint_plan::beams::Solver;
 use stillpoint_plan::recipe::{PlanRun, PlanSearch};
-use stillpoint_pool::{PoolGround, PoolSolver};
+use stillpoint_pool::{PoolSetup, PoolSolver};
 
-use super::ground::{Ground, bar};
 use super::pooled::Pooled;
+use super::prepared::{Prepared, bar};
 use super::request::Request;
 use crate::exit::Failure;
 
@@ -15,18 +15,18 @@ use crate::exit::Failure;
 pub type Runs = (Vec<PlanRun>, Vec<f64>);
 
 /// Runs every search, each with the whole budget, on the pool if there is one.
-pub fn all(request: &Request, ground: &Ground, pooled: Option<&mut Pooled>) -> Result<Runs, Failure> {
+pub fn all(request: &Request, prepared: &Prepared, pooled: Option<&mut Pooled>) -> Result<Runs, Failure> {
     let Some(pooled) = pooled else {
         let runs: Result<Vec<_>, Failure> =
-            request.searches.iter().map(|search| run(request, ground, search, None)).collect();
+            request.searches.iter().map(|search| run(request, prepared, search, None)).collect();
         return Ok(runs?.into_iter().unzip());
     };
     let setup = &request.setup;
-    let named = PoolGround::new(&ground.doses.solved, &setup.goals, setup.spec.ring.count());
+    let named = PoolSetup::new(&prepared.doses.solved, &setup.goals, setup.spec.ring.count());
     let mut solver = PoolSolver::new(&mut pooled.pool, &named);
     let mut runs = Runs::default();
     for search in &request.searches {
-        let (run, seconds) = run(request, ground, search, Some(&mut solver))?;
+        let (run, seconds) = run(request, prepared, search, Some(&mut solver))?;
         runs.0.push(run);
         runs.1.push(seconds);
     }
@@ -38,14 +38,14 @@ pub fn all(request: &Request, ground: &Ground, pooled: Option<&mut Pooled>) -> R
 
 fn run(
     request: &Request,
-    ground: &Ground,
+    prepared: &Prepared,
     search: &PlanSearch,
     solver: Option<&mut dyn Solver>,
 ) -> Result<(PlanRun, f64), Failure> {
     let began = Instant::now();
     let bar = bar(search.budget as u64, search.name.word(), request.quiet);
-    let second = ground.doses.second_player(&request.setup);
-    let evaluator = search.evaluator(&request.setup, &ground.doses, second.as_ref());
+    let second = prepared.doses.second_player(&request.setup);
+    let evaluator = search.evaluator(&request.setup, &prepared.doses, second.as_ref());
     let evaluator = match solver {
         Some(solver) => evaluator.with_solver(solver),
         None => evaluator,

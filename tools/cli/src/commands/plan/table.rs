@@ -4,10 +4,10 @@ use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::protocol::Judged;
 
-use super::ground::Ground;
 use super::leaves::Leaves;
 use super::outcome::Outcome;
 use super::page::parts::{number, value, word};
+use super::prepared::Prepared;
 use super::request::Request;
 use crate::columns::{Columns, Side};
 use stillpoint_plan::recipe::PlanRun;
@@ -15,7 +15,7 @@ use stillpoint_plan::recipe::PlanRun;
 /// Prints what was found.
 pub fn print(
     request: &Request,
-    ground: &Ground,
+    prepared: &Prepared,
     (runs, seconds): (&[PlanRun], &[f64]),
     outcome: &Outcome<'_>,
 ) {
@@ -39,7 +39,7 @@ pub fn print(
     }
     outln!();
     outln!("dose recomputed on a grid of {:.2} mm:\n", outcome.grid().spacing_mm[0]);
-    structures(&outcome.figures, &ground.volumes_at_gy);
+    structures(&outcome.figures, &prepared.volumes_at_gy);
     explain();
     if let Some(fall_off) = &outcome.fall_off {
         outln!("{}", describe(fall_off));
@@ -49,7 +49,7 @@ pub fn print(
         limits(&protocol.name, &outcome.limits);
     }
     if let Some(sequenced) = &outcome.leaves {
-        leaves(request, ground, outcome, sequenced);
+        leaves(request, prepared, outcome, sequenced);
     }
     if outcome.faults.is_empty() {
         outln!("\nplan check: nothing is beyond its bounds");
@@ -59,7 +59,7 @@ pub fn print(
     }
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
-        structures(reference, &ground.volumes_at_gy);
+        structures(reference, &prepared.volumes_at_gy);
     }
     if !outcome.moved.is_empty() {
         outln!("\nranges over {} set-ups, including the planned one:\n", request.setups_mm.len());
@@ -68,7 +68,7 @@ pub fn print(
 }
 
 /// What the leaves give.
-fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Leaves<'_>) {
+fn leaves(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>, leaves: &Leaves<'_>) {
     let (segments, monitor_units) = leaves.totals();
     let [opaque, loss] = leaves.losses(outcome.run.choice.best.solved_cost()).map(|part| 100.0 * part);
     let transmission = request.collimator().map_or(0.0, |c| 100.0 * c.transmission);
@@ -76,7 +76,7 @@ fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Le
         "\nsequenced for step and shoot: {segments} segments, {monitor_units:.0} monitor units a fraction; the objective \
          rises by {opaque:.1} %, with a transmission of {transmission} % by {loss:.1} %\n"
     );
-    structures(&leaves.figures, &ground.volumes_at_gy);
+    structures(&leaves.figures, &prepared.volumes_at_gy);
     if let Some(fall_off) = &leaves.fall_off {
         outln!("{}", describe(fall_off));
     }
@@ -162,7 +162,7 @@ fn objectives(results: &[ObjectiveResult]) {
     for (result, measured) in bounding() {
         table.row([
             result.structure.clone(),
-            measured.wanted(),
+            measured.requested(),
             format!("{:.1} {}", measured.value, measured.unit),
             format!("{:.4}", result.cost),
             if measured.met() { "met" } else { "NOT MET" }.to_owned(),
@@ -181,7 +181,7 @@ fn limits(protocol: &str, limits: &[Judged]) {
         let (value, word) = (value(Some(j)), word(Some(j)).to_owned());
         table.row([j.structure.clone(), j.limit.clone(), value, word, j.source.clone()]);
     }
-    let count = |wanted: Option<bool>| limits.iter().filter(|j| j.passed == wanted).count();
+    let count = |requested: Option<bool>| limits.iter().filter(|j| j.passed == requested).count();
     outln!("\nprotocol {protocol}: {} limits kept, {} not kept\n", count(Some(true)), count(Some(false)));
     out!("{table}");
     let missing: Vec<&str> =

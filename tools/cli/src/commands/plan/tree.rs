@@ -36,8 +36,8 @@ pub fn drawing(ring: Ring, beams: usize, history: &[Progress]) -> Option<String>
     if nodes.iter().all(|node| node.below == 0) {
         return None;
     }
-    let way: BTreeSet<usize> = std::iter::successors(Some(best), |node| nodes[*node].parent).collect();
-    let shown = shown(&nodes, &way);
+    let path: BTreeSet<usize> = std::iter::successors(Some(best), |node| nodes[*node].parent).collect();
+    let shown = shown(&nodes, &path);
     let mut rows = Vec::new();
     for root in shown.iter().filter(|node| nodes[**node].parent.is_none()) {
         list(&nodes, &shown, *root, 0, &mut rows);
@@ -51,7 +51,7 @@ pub fn drawing(ring: Ring, beams: usize, history: &[Progress]) -> Option<String>
             Some(parent) => exchanged(ring, &history[nodes[*parent].solve].beams, &history[*solve].beams),
             None => degrees(ring, history[*solve].beams.beams()),
         };
-        let weight = if way.contains(node) { "bold" } else { "normal" };
+        let weight = if path.contains(node) { "bold" } else { "normal" };
         let mark = if *node == best { ", the best" } else { "" };
         let width = (WIDTH - BAR - 90) * below / most;
         let _ = write!(
@@ -111,11 +111,11 @@ fn nodes(beams: usize, history: &[Progress]) -> Vec<Node> {
 
 /// The nodes with the most solves below them, as many as there is room for, and the way to the best set. What stands above a
 /// node has more solves than it, so that no row hangs in the air.
-fn shown(nodes: &[Node], way: &BTreeSet<usize>) -> BTreeSet<usize> {
+fn shown(nodes: &[Node], path: &BTreeSet<usize>) -> BTreeSet<usize> {
     let with = |least: usize| (0..nodes.len()).filter(move |node| nodes[*node].below >= least);
     let most = nodes.iter().map(|node| node.below).max().unwrap_or(0);
     let least = (1..=most).find(|least| with(*least).count() <= ROWS).unwrap_or(most + 1);
-    with(least).chain(way.iter().copied()).collect()
+    with(least).chain(path.iter().copied()).collect()
 }
 
 fn list(nodes: &[Node], shown: &BTreeSet<usize>, node: usize, depth: usize, rows: &mut Vec<(usize, usize)>) {
@@ -170,8 +170,8 @@ mod tests {
         ];
         let history = history(ring, &solves);
         let nodes = nodes(3, &history);
-        let told: Vec<_> = nodes.iter().map(|node| (node.solve, node.parent, node.below)).collect();
-        assert_eq!(told, [(0, None, 5), (2, Some(0), 2), (3, Some(0), 0), (5, Some(1), 0), (6, None, 0)]);
+        let reported: Vec<_> = nodes.iter().map(|node| (node.solve, node.parent, node.below)).collect();
+        assert_eq!(reported, [(0, None, 5), (2, Some(0), 2), (3, Some(0), 0), (5, Some(1), 0), (6, None, 0)]);
         let svg = drawing(ring, 3, &history).unwrap();
         for text in [
             "bold\">0\u{b0} 80\u{b0} 160\u{b0}<",

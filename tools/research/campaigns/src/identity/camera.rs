@@ -55,7 +55,7 @@ pub struct PatientCamera {
     event_at: Option<f64>,
     happened: bool,
     /// The last image, which a frozen camera repeats.
-    kept: Vec<u16>,
+    retained: Vec<u16>,
 }
 
 impl PatientCamera {
@@ -90,7 +90,7 @@ impl PatientCamera {
             next: 0,
             event_at: None,
             happened: false,
-            kept: Vec::new(),
+            retained: Vec::new(),
         })
     }
 
@@ -123,7 +123,7 @@ impl PatientCamera {
         *image.body() = self.intrinsics;
         match event {
             Event::Blind => image.elements().fill(0),
-            Event::Frozen if self.kept.len() == pixels => image.elements().copy_from_slice(&self.kept),
+            Event::Frozen if self.retained.len() == pixels => image.elements().copy_from_slice(&self.retained),
             _ => {
                 let view = self.renderer.render(pose).map_err(failure)?;
                 let mut random = activation.random();
@@ -135,8 +135,8 @@ impl PatientCamera {
                         self.sensor.sense(&view, &mut random, image.elements()).map_err(failure)?;
                     }
                 }
-                self.kept.clear();
-                self.kept.extend_from_slice(image.elements());
+                self.retained.clear();
+                self.retained.extend_from_slice(image.elements());
             }
         }
         image.finish(pixels)

@@ -25,7 +25,7 @@ use stillpoint_rig::patient::worn::{Mask, Worn};
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 
-use super::beside::median;
+use super::paired_median::median;
 use scene::{Case, Event};
 use stillpoint::jobs;
 use watch::{Consistency, Seen, Watch};
@@ -42,7 +42,7 @@ const DUE: f64 = 0.95;
 /// the head, and whether the beam stayed on for longer than 1.5 frame periods and 20 ms while the head was beyond the
 /// limits.
 #[derive(Args)]
-pub struct Identity {
+pub struct IdentityCampaign {
     /// Number of the first scene. A number always gives the same scene.
     #[arg(long, default_value_t = 0)]
     first: u64,
@@ -104,7 +104,7 @@ struct Row {
     seen: Seen,
 }
 
-impl Identity {
+impl IdentityCampaign {
     /// Runs the scenes and prints their figures. Fails if a face is not that of the head, if the beam was on beyond the
     /// bound, or if too few of the due captures were made.
     pub fn execute(&self, registry: &Registry) -> Ended {
@@ -164,7 +164,7 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
         about: format!("{}, {:.0} % shown{worn}{mask}", case.patient.about.trim(), 100.0 * shown),
         sensor: case.patient.kind.name,
         event: case.event,
-        due: case.is_due(shown),
+        due: case.is_time(shown),
         // A purity of NaN counts as wrong.
         wrong: seen.purity.is_some_and(|p| p.is_nan() || p < case.pure()),
         astray: seen.astray_ms > rate.bound(),

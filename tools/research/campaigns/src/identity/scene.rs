@@ -162,7 +162,7 @@ impl Case {
 
     /// Whether a capture is due. It is due if the scene has one head without a mask, at least two thirds of the head
     /// are visible, and the camera is within 60 degrees of its front. `shown` is the visible fraction of the head.
-    pub fn is_due(&self, shown: f64) -> bool {
+    pub fn is_time(&self, shown: f64) -> bool {
         let p = &self.patient;
         p.has_head() && p.is_plain() && !self.is_masked && shown >= 2.0 / 3.0 && p.off_front <= 60.0
     }

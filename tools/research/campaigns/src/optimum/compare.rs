@@ -12,7 +12,7 @@ use super::subject::Subject;
 pub struct Entry {
     /// Its name in tables.
     pub name: &'static str,
-    way: Way,
+    contender: Contender,
     /// Whether the seed changes what it does within few solves, so that several are run.
     pub drawn: bool,
     /// Whether the budget changes what it does before the budget is spent, so that each budget needs a run.
@@ -22,7 +22,7 @@ pub struct Entry {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum Contender {
     Exchange,
     ExchangeFromNetwork,
     Search,
@@ -43,27 +43,27 @@ enum Way {
 
 /// The methods that are compared. `exchange` and `search` begin with the class set where the site has one.
 pub const ENTRIES: [Entry; 16] = [
-    Entry::of("exchange", Way::Exchange, true),
-    Entry::of("exchange from the network's sets", Way::ExchangeFromNetwork, true),
-    Entry::of("search", Way::Search, true),
-    Entry::of("search with the network", Way::SearchWithNetwork, true),
-    Entry::of("network's sets", Way::Network, false),
-    Entry { seldom: true, ..Entry::of("network's policy alone", Way::NetworkAlone, false) },
-    Entry::of("class set", Way::Class, false),
-    Entry::of("best rotation", Way::Rotations, false),
-    Entry { planned: true, ..Entry::of("annealing", Way::Annealing, true) },
-    Entry::of("random", Way::Random, true),
-    Entry { seldom: true, ..Entry::of("search, price and geometry", Way::SearchWithGeometry, true) },
-    Entry { seldom: true, ..Entry::of("greedy", Way::Greedy, false) },
-    Entry { seldom: true, ..Entry::of("column generation", Way::Columns, false) },
-    Entry { seldom: true, ..Entry::of("geometry alone", Way::GeometryAlone, false) },
-    Entry { seldom: true, ..Entry::of("game, beam by beam", Way::Construction, false) },
-    Entry { seldom: true, ..Entry::of("game, two players", Way::TwoPlayers, false) },
+    Entry::of("exchange", Contender::Exchange, true),
+    Entry::of("exchange from the network's sets", Contender::ExchangeFromNetwork, true),
+    Entry::of("search", Contender::Search, true),
+    Entry::of("search with the network", Contender::SearchWithNetwork, true),
+    Entry::of("network's sets", Contender::Network, false),
+    Entry { seldom: true, ..Entry::of("network's policy alone", Contender::NetworkAlone, false) },
+    Entry::of("class set", Contender::Class, false),
+    Entry::of("best rotation", Contender::Rotations, false),
+    Entry { planned: true, ..Entry::of("annealing", Contender::Annealing, true) },
+    Entry::of("random", Contender::Random, true),
+    Entry { seldom: true, ..Entry::of("search, price and geometry", Contender::SearchWithGeometry, true) },
+    Entry { seldom: true, ..Entry::of("greedy", Contender::Greedy, false) },
+    Entry { seldom: true, ..Entry::of("column generation", Contender::Columns, false) },
+    Entry { seldom: true, ..Entry::of("geometry alone", Contender::GeometryAlone, false) },
+    Entry { seldom: true, ..Entry::of("game, beam by beam", Contender::Construction, false) },
+    Entry { seldom: true, ..Entry::of("game, two players", Contender::TwoPlayers, false) },
 ];
 
 impl Entry {
-    const fn of(name: &'static str, way: Way, drawn: bool) -> Self {
-        Self { name, way, drawn, planned: false, seldom: false }
+    const fn of(name: &'static str, contender: Contender, drawn: bool) -> Self {
+        Self { name, contender, drawn, planned: false, seldom: false }
     }
 
     /// The method for a patient; none where it has no class set.
@@ -76,27 +76,27 @@ impl Entry {
         };
         let first = || proposed().map(|sets| sets.into_iter().take(1).collect::<Vec<_>>());
         let search = SearchOptions { starts: subject.class.clone(), ..SearchOptions::default() };
-        Ok(Some(match self.way {
-            Way::Exchange => Method::Exchange(subject.class.clone()),
-            Way::ExchangeFromNetwork => Method::Exchange(first()?),
-            Way::Search => Method::Search(search),
-            Way::SearchWithGeometry => Method::Search(SearchOptions { prior: 0.5, ..search }),
-            Way::SearchWithNetwork => {
+        Ok(Some(match self.contender {
+            Contender::Exchange => Method::Exchange(subject.class.clone()),
+            Contender::ExchangeFromNetwork => Method::Exchange(first()?),
+            Contender::Search => Method::Search(search),
+            Contender::SearchWithGeometry => Method::Search(SearchOptions { prior: 0.5, ..search }),
+            Contender::SearchWithNetwork => {
                 Method::Search(SearchOptions { starts: first()?, prior: 0.5, ..search })
             }
-            Way::Network => Method::Sets(proposed()?),
-            Way::NetworkAlone | Way::GeometryAlone => Method::Prior,
-            Way::Annealing => Method::Annealing,
-            Way::Random => Method::Random,
-            Way::Class => match subject.class.first() {
+            Contender::Network => Method::Sets(proposed()?),
+            Contender::NetworkAlone | Contender::GeometryAlone => Method::Prior,
+            Contender::Annealing => Method::Annealing,
+            Contender::Random => Method::Random,
+            Contender::Class => match subject.class.first() {
                 Some(class) => Method::Class(class.clone()),
                 None => return Ok(None),
             },
-            Way::Rotations => Method::Equidistant,
-            Way::Greedy => Method::Greedy,
-            Way::Columns => Method::ColumnGeneration,
-            Way::Construction => Method::Game(BeamGame::Construction),
-            Way::TwoPlayers => Method::Game(BeamGame::Alternating { depth: 2 }),
+            Contender::Rotations => Method::Equidistant,
+            Contender::Greedy => Method::Greedy,
+            Contender::Columns => Method::ColumnGeneration,
+            Contender::Construction => Method::Game(BeamGame::Construction),
+            Contender::TwoPlayers => Method::Game(BeamGame::Alternating { depth: 2 }),
         }))
     }
 }
@@ -118,9 +118,9 @@ pub fn run(
     seed: u64,
 ) -> Result<Option<Ran>, Box<dyn std::error::Error>> {
     let geometry = Geometry::of_case(subject.problem.case(), subject.ring);
-    let prior: Option<&dyn Prior> = match entry.way {
-        Way::SearchWithGeometry | Way::GeometryAlone | Way::Construction | Way::TwoPlayers => Some(&geometry),
-        Way::SearchWithNetwork | Way::NetworkAlone => Some(&subject.judgement),
+    let prior: Option<&dyn Prior> = match entry.contender {
+        Contender::SearchWithGeometry | Contender::GeometryAlone | Contender::Construction | Contender::TwoPlayers => Some(&geometry),
+        Contender::SearchWithNetwork | Contender::NetworkAlone => Some(&subject.judgement),
         _ => None,
     };
     let largest = at.iter().copied().max().unwrap_or(1);

@@ -2,14 +2,14 @@
 //! on the full one.
 //!
 //! - `subject`: a patient with its doses in memory
-//! - `prove`: the best set, proved; `kept`: proofs of earlier runs
+//! - `prove`: the best set, proved; `retained`: proofs of earlier runs
 //! - `compare`: methods at the same numbers of solves
 //! - `paired`: differences of two methods on the same patients
 //! - `robust`: the robust game against the nominal one
 //! - `networks`: the sets of several networks
 
 mod compare;
-mod kept;
+mod retained;
 mod networks;
 mod paired;
 mod prove;
@@ -78,7 +78,7 @@ pub struct Optimum {
     all_methods: bool,
     /// Folder in which proved optima are kept, so that another run need not prove them again.
     #[arg(long, value_name = "DIR")]
-    kept: Option<PathBuf>,
+    retained: Option<PathBuf>,
     /// Compare the robust game with the nominal one instead: beams for the worst of six set-up errors, shifts of the patient
     /// by so many mm along each axis, against beams for none. Both are judged as planned and under the worst error.
     #[arg(long, value_name = "MM", conflicts_with_all = ["networks", "only_proofs"])]
@@ -134,7 +134,7 @@ impl Optimum {
             let subject = Subject::new(&patient, &model, ring, self.beams).map_err(failed)?;
             let mut best = f64::INFINITY;
             if self.ring == 18 {
-                best = kept::proved(self.kept.as_deref(), &subject, self.beams).map_err(failed)?.cost;
+                best = retained::proved(self.retained.as_deref(), &subject, self.beams).map_err(failed)?.cost;
             }
             if self.only_proofs {
                 continue;
@@ -150,7 +150,7 @@ impl Optimum {
         if self.only_proofs {
             return Ok(Exit::Done);
         }
-        self.tell(&at, &rows, &best_known)
+        self.report(&at, &rows, &best_known)
     }
 
     fn model(&self) -> Result<Model, Failure> {
@@ -166,7 +166,7 @@ impl Optimum {
             let subject = Subject::new(&patient, model, ring, self.beams).map_err(failed)?;
             robust.play(&subject, self.beams, shift_mm, at)?;
         }
-        robust.tell();
+        robust.report();
         Ok(Exit::Done)
     }
 
@@ -175,7 +175,7 @@ impl Optimum {
         for patient in self.patients() {
             networks.judge(&patient, ring, self.beams)?;
         }
-        networks.tell();
+        networks.report();
         Ok(Exit::Done)
     }
 
@@ -205,7 +205,7 @@ impl Optimum {
         Ok(Some(Row { patient: subject.name.clone(), name: entry.name, costs, cpu_s }))
     }
 
-    fn tell(&self, at: &[usize], rows: &[Row], best_known: &[(String, f64)]) -> Ended {
+    fn report(&self, at: &[usize], rows: &[Row], best_known: &[(String, f64)]) -> Ended {
         let best =
             |patient: &str| best_known.iter().find(|(name, _)| name == patient).map_or(f64::NAN, |(_, b)| *b);
         // Percent above the best, the mean over the seeds.
@@ -214,7 +214,7 @@ impl Optimum {
             each.sum::<f64>() / row.costs.len() as f64
         };
         let base_of = |row: &&Row| rows.iter().find(|b| b.name == BASE && b.patient == row.patient);
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for entry in &ENTRIES {
             let of_name = || rows.iter().filter(|row| row.name == entry.name);
             let patients = of_name().count();
@@ -237,24 +237,24 @@ impl Optimum {
                     "worst_percent": 100.0 * runs().fold(0.0, f64::max),
                     "runs": runs().count(),
                     "runs_at_best": runs().filter(|over| *over < 1e-5).count(),
-                    "against_exchange": Paired::new(&all, &base).told(),
+                    "against_exchange": Paired::new(&all, &base).reported(),
                 }));
             }
-            told.push(json!({
+            reported.push(json!({
                 "method": entry.name, "patients": patients, "cpu_s": cpu_s, "by_solves": by_solves,
             }));
         }
         let best: Vec<_> =
             best_known.iter().map(|(name, best)| json!({ "patient": name, "best": best })).collect();
-        let told = json!({ "ring": self.ring, "beams": self.beams, "seeds": self.seeds, "best": best, "methods": told });
+        let reported = json!({ "ring": self.ring, "beams": self.beams, "seeds": self.seeds, "best": best, "methods": reported });
         if self.json {
-            print_json(&told)?;
+            print_json(&reported)?;
             return Ok(Exit::Done);
         }
         let head: String = at.iter().map(|solves| format!(" {solves} solves |")).collect();
         outln!("| method |{head} CPU s |");
         outln!("| --- |{} --- |", " --- |".repeat(at.len()));
-        for method in told["methods"].as_array().map_or(&[][..], Vec::as_slice) {
+        for method in reported["methods"].as_array().map_or(&[][..], Vec::as_slice) {
             let cell = |by: &serde_json::Value| {
                 let number = |key: &str| by[key].as_f64().unwrap_or(f64::INFINITY);
                 format!(

@@ -34,9 +34,9 @@ impl Networks {
     pub fn judge(&mut self, patient: &Patient, ring: Ring, beams: usize) -> Result<(), Failure> {
         let Some(first) = self.models.first() else { return Ok(()) };
         let subject = Subject::new(patient, first, ring, beams).map_err(failed)?;
-        let (case, wanted) = (subject.problem.case(), subject.problem.wanted());
+        let (case, requested) = (subject.problem.case(), subject.problem.requested());
         let machine = Machine::shipped().map_err(Failure::failed)?;
-        let eye = Eye::of_case(case, wanted, &machine, ANGLES, patient.coarse.bixel_mm);
+        let eye = Eye::of_case(case, requested, &machine, ANGLES, patient.coarse.bixel_mm);
         let eye = eye.map_err(Failure::failed)?;
         let evaluator = |solves| {
             Evaluator::new(&subject.doses[..], subject.problem.goals(), ring, beams, Budget { solves })
@@ -64,17 +64,17 @@ impl Networks {
         Ok(())
     }
 
-    pub fn tell(&self) {
+    pub fn report(&self) {
         outln!("| network | first set: mean %, worst | best of {SETS}: mean %, worst | patients |");
         outln!("| --- | --- | --- | --- |");
         for (file, over) in self.files.iter().zip(&self.over) {
-            let told = |place: usize| {
+            let reported = |place: usize| {
                 let values = || over.iter().map(move |of| of[place]);
                 let mean = values().sum::<f64>() / over.len().max(1) as f64;
                 format!("{mean:.1}, {:.1}", values().fold(0.0, f64::max))
             };
             let name = file.file_stem().unwrap_or_default().to_string_lossy();
-            outln!("| {name} | {} | {} | {} |", told(0), told(1), over.len());
+            outln!("| {name} | {} | {} | {} |", reported(0), reported(1), over.len());
         }
     }
 }

@@ -61,7 +61,7 @@ impl Paired {
         (2.0 * tail).min(1.0)
     }
 
-    pub fn told(&self) -> String {
+    pub fn reported(&self) -> String {
         format!(
             "{:+.2} ({}:{}, p {:.3}, {:.3})",
             self.mean,

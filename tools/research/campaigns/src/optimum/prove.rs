@@ -103,7 +103,7 @@ mod tests {
             Rows::from_columns(Csc::new(30, vec![0, 30, 60], rows, values).unwrap().view()).unwrap()
         });
         let doses: Vec<Rows> = doses.collect();
-        let wanted = |name: &str, voxels: std::ops::Range<u32>, objectives| StructureObjectives {
+        let requested = |name: &str, voxels: std::ops::Range<u32>, objectives| StructureObjectives {
             name: name.into(),
             voxels: voxels.collect(),
             volumes: Vec::new(),
@@ -112,7 +112,7 @@ mod tests {
         };
         let over = |dose, weight| Objective::Overdose(Overdose { dose, weight });
         let target = vec![over(60.0, 10.0), Objective::Underdose(Underdose { dose: 60.0, weight: 20.0 })];
-        let goals = vec![wanted("target", 0..12, target), wanted("organ", 12..30, vec![over(20.0, 5.0)])];
+        let goals = vec![requested("target", 0..12, target), requested("organ", 12..30, vec![over(20.0, 5.0)])];
         (doses, Goals::new(goals, 30).unwrap())
     }
 

@@ -54,9 +54,9 @@ impl Robust {
         let [moving, still] = subject.problem.parts().map_err(Failure::failed)?;
         let mut doses: Vec<Vec<Rows>> = Vec::new();
         for axis in 0..3 {
-            for way in [-shift_mm, shift_mm] {
+            for direction in [-shift_mm, shift_mm] {
                 let mut moved = [0.0; 3];
-                moved[axis] = way;
+                moved[axis] = direction;
                 let found = subject.problem.displaced(subject.ring, moved, NonZeroUsize::MIN);
                 doses.push(found.map_err(Failure::failed)?);
             }
@@ -93,7 +93,7 @@ impl Robust {
         Ok(())
     }
 
-    pub fn tell(&self) {
+    pub fn report(&self) {
         outln!(
             "| method | solves | worst case, robust against nominal: mean %, better:worse, sign test, Wilcoxon | as planned | same set |"
         );
@@ -104,15 +104,15 @@ impl Robust {
         for method in METHODS {
             for solves in &solves {
                 let of = || self.pairs.iter().filter(|pair| pair.method == method && pair.solves == *solves);
-                let told = |cost: fn(&Cost) -> f64| {
+                let reported = |cost: fn(&Cost) -> f64| {
                     let over: Vec<f64> =
                         of().map(|pair| 100.0 * (cost(&pair.robust) / cost(&pair.nominal) - 1.0)).collect();
-                    Paired::new(&over, &vec![0.0; over.len()]).told()
+                    Paired::new(&over, &vec![0.0; over.len()]).reported()
                 };
                 outln!(
                     "| {method} | {solves} | {} | {} | {} of {} |",
-                    told(|cost| cost.worst),
-                    told(|cost| cost.planned),
+                    reported(|cost| cost.worst),
+                    reported(|cost| cost.planned),
                     of().filter(|pair| pair.same).count(),
                     of().count()
                 );

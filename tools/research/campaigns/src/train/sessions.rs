@@ -76,7 +76,7 @@ fn mean(valves: &[(u64, DutiesElement)], from: u64, to: u64) -> Option<[f64; 16]
 fn each<S: stillpoint_samples::Sample<Body = ()>>(
     session: &Session,
     topic: &str,
-    mut heard: impl FnMut(u64, u64, &S::Element),
+    mut received: impl FnMut(u64, u64, &S::Element),
 ) -> Result<(), Failure> {
     let kind: &'static SampleKind = S::KIND;
     if !session.topics().iter().any(|t| t.name == topic) {
@@ -88,7 +88,7 @@ fn each<S: stillpoint_samples::Sample<Body = ()>>(
         let pieces = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
         let view = pieces.view::<S>().map_err(|e| Failure::wrong(format!("{topic}: {e}")))?;
         if let Some(element) = view.first() {
-            heard(view.header.origin, view.header.stamp, element);
+            received(view.header.origin, view.header.stamp, element);
         }
     }
     Ok(())

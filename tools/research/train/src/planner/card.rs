@@ -169,7 +169,7 @@ impl Card {
                 s.model_5,
                 s.one_rotation,
                 s.rotation,
-                s.beside_rotation,
+                s.over_rotation,
                 s.ahead_of_rotation
             );
         }

@@ -33,7 +33,7 @@ pub struct Summary {
     /// Patients in which the model's first set beats the best rotation.
     pub ahead_of_rotation: usize,
     /// Mean percent by which the model's first set costs more than the best rotation; below 0 where it costs less.
-    pub beside_rotation: f64,
+    pub over_rotation: f64,
 }
 
 impl Exam {
@@ -58,7 +58,7 @@ impl Exam {
 impl Summary {
     pub fn of(all: &[Exam]) -> Self {
         let five = |exam: &Exam| exam.model.iter().take(5).copied().fold(f64::INFINITY, f64::min);
-        let beside = |exam: &Exam| 100.0 * ((100.0 + exam.first()) / (100.0 + exam.rotation) - 1.0);
+        let neighbour = |exam: &Exam| 100.0 * ((100.0 + exam.first()) / (100.0 + exam.rotation) - 1.0);
         let classes: Option<Vec<f64>> = all.iter().map(|exam| exam.class).collect();
         Self {
             patients: all.len(),
@@ -68,7 +68,7 @@ impl Summary {
             model_1: mean(all.iter().map(Exam::first)),
             model_5: mean(all.iter().map(five)),
             ahead_of_rotation: all.iter().filter(|exam| exam.first() < exam.rotation).count(),
-            beside_rotation: mean(all.iter().map(beside)),
+            over_rotation: mean(all.iter().map(neighbour)),
         }
     }
 }

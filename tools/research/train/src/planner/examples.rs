@@ -34,7 +34,7 @@ pub struct Example {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct States {
     /// Beams kept, the same number in each.
-    pub kept: Vec<Vec<u16>>,
+    pub retained: Vec<Vec<u16>>,
     /// For each state and angle its probability.
     pub pi: Vec<Vec<f32>>,
     /// For each state and angle whether it may be added.
@@ -66,8 +66,8 @@ impl Example {
         Ok(Self { eye, sets: all.keys().map(|set| set.to_vec()).collect(), logs, good })
     }
 
-    /// `count` states that keep `kept` beams of sets that are drawn by how good they are.
-    pub fn states(&self, count: usize, kept: usize, random: &mut Random) -> Result<States, TrainError> {
+    /// `count` states that keep `retained` beams of sets that are drawn by how good they are.
+    pub fn states(&self, count: usize, retained: usize, random: &mut Random) -> Result<States, TrainError> {
         let ring = ring().map_err(plan)?;
         let sum: f64 = self.good.iter().sum();
         let mut states = States::default();
@@ -79,7 +79,7 @@ impl Example {
             });
             let mut beams = self.sets[drawn.unwrap_or(0)].clone();
             random.shuffle(&mut beams);
-            beams.truncate(kept);
+            beams.truncate(retained);
             let mut pi = vec![0.0; self.eye.angles];
             for (set, good) in self.sets.iter().zip(&self.good) {
                 if beams.iter().all(|beam| set.contains(beam)) {
@@ -89,7 +89,7 @@ impl Example {
             let whole: f64 = pi.iter().sum();
             states.pi.push(pi.into_iter().map(|p| (p / whole) as f32).collect());
             states.legal.push((0..ring.count()).map(|beam| ring.fits(beam, &beams)).collect());
-            states.kept.push(beams);
+            states.retained.push(beams);
         }
         Ok(states)
     }

@@ -35,7 +35,7 @@ pub struct Loaded {
 }
 
 /// What the network says of each angle and of each pair `a < b`.
-pub struct Said {
+pub struct Predicted {
     single: Tensor,
     pair: Tensor,
     /// What each angle and each pair adds to the hidden units of a set, their bias, and their weights in the value.
@@ -124,7 +124,7 @@ impl Network {
     }
 
     /// What it says of an example.
-    pub fn forward(&self, x: &Loaded) -> Result<Said, TrainError> {
+    pub fn forward(&self, x: &Loaded) -> Result<Predicted, TrainError> {
         let at = |place: usize| -> &Tensor { &self.vars[place - place::TRAINED] };
         let behind = self.sizes.behind();
         let dense = |x: &Tensor, first: usize| -> Result<Tensor, TrainError> {
@@ -150,19 +150,19 @@ impl Network {
         let mean = seen.mean_keepdim(0)?.broadcast_as(seen.shape())?;
         let angles = dense(&Tensor::cat(&[&seen, &mean], 1)?, behind.angle)?.relu()?;
         let single = dense(&angles, behind.single)?;
-        let beside = angles.matmul(&at(behind.beside).t()?)?;
-        let (a, b) = (beside.index_select(&x.first, 0)?, beside.index_select(&x.second, 0)?);
+        let neighbour = angles.matmul(&at(behind.neighbour).t()?)?;
+        let (a, b) = (neighbour.index_select(&x.first, 0)?, neighbour.index_select(&x.second, 0)?);
         let input = Tensor::cat(&[&x.pairs, &(&a + &b)?, &(&a - &b)?.abs()?], 1)?;
         let hidden = dense(&input, behind.pair_1)?.relu()?;
         let pair = dense(&hidden, behind.pair_2)?;
         let of_angles = angles.matmul(&at(behind.set_angle).t()?)?;
         let of_pairs = hidden.matmul(&at(behind.set_pair).t()?)?;
         let set = [of_angles, of_pairs, at(behind.set_bias).clone(), at(behind.set_out).t()?];
-        Ok(Said { single, pair, set, angles: x.angles })
+        Ok(Predicted { single, pair, set, angles: x.angles })
     }
 }
 
-impl Said {
+impl Predicted {
     /// The value of each set, `ln(cost / reference)`. All sets have the same number of beams.
     pub fn values(&self, sets: &[&Vec<u16>]) -> Result<Tensor, TrainError> {
         let beams = sets.first().map_or(0, |set| set.len());
@@ -193,15 +193,15 @@ impl Said {
 
     /// The logits of the policy: a row for each state, a column for each angle.
     pub fn logits(&self, states: &States) -> Result<Tensor, TrainError> {
-        let (rows, n) = (states.kept.len(), self.angles);
-        let kept = states.kept.first().map_or(0, Vec::len);
+        let (rows, n) = (states.retained.len(), self.angles);
+        let retained = states.retained.first().map_or(0, Vec::len);
         let own = self.single.narrow(1, 1, 1)?.squeeze(1)?.reshape((1, n))?.broadcast_as((rows, n))?;
         let forbidden: Vec<f32> =
             states.legal.iter().flatten().map(|legal| if *legal { 0.0 } else { FORBIDDEN }).collect();
         let mut logits = (own + Tensor::from_vec(forbidden, (rows, n), device()?)?)?;
-        if kept > 0 {
-            let mut places = Vec::with_capacity(rows * n * kept);
-            for beams in &states.kept {
+        if retained > 0 {
+            let mut places = Vec::with_capacity(rows * n * retained);
+            for beams in &states.retained {
                 for a in 0..n as u16 {
                     // A beam beside itself is forbidden, so that any pair stands in for it.
                     places.extend(beams.iter().map(|b| if *b == a { 0 } else { self.place(a, *b) }));
@@ -209,7 +209,7 @@ impl Said {
             }
             let index = Tensor::from_vec(places.clone(), places.len(), device()?)?;
             let taken = self.pair.narrow(1, 1, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
-            logits = (logits + taken.reshape((rows, n, kept))?.mean(D::Minus1)?)?;
+            logits = (logits + taken.reshape((rows, n, retained))?.mean(D::Minus1)?)?;
         }
         Ok(logits)
     }

@@ -37,12 +37,12 @@ impl Players for Here {
 }
 
 /// Games in a folder: those that were played before are read, the others are played and kept there.
-pub struct Kept<'a> {
+pub struct Stored<'a> {
     folder: PathBuf,
     players: &'a mut dyn Players,
 }
 
-impl<'a> Kept<'a> {
+impl<'a> Stored<'a> {
     /// In this folder, which is made.
     ///
     /// # Errors
@@ -54,7 +54,7 @@ impl<'a> Kept<'a> {
     }
 }
 
-impl Players for Kept<'_> {
+impl Players for Stored<'_> {
     fn play(&mut self, network: Option<&Model>, due: &[Due], done: Done<'_>) -> Result<(), TrainError> {
         let hash = network.map(Model::hash).transpose().map_err(plan)?;
         let (mut missing, mut places) = (Vec::new(), Vec::new());

@@ -13,7 +13,7 @@ use super::exam::{Exam, Summary};
 use super::examples::{Example, scales};
 use super::features::Features;
 use super::plan;
-use super::players::{Kept, Players, file};
+use super::players::{Stored, Players, file};
 use super::training::{Options, Pass, Ready, Training, check};
 use crate::TrainError;
 
@@ -45,7 +45,7 @@ pub struct Schedule {
 
 /// What a training tells while it goes.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Told {
+pub enum Progress {
     /// A game has ended, the one of this number of so many of the same kind.
     Game(usize, usize),
     /// Features of a patient are known.
@@ -59,7 +59,7 @@ pub enum Told {
 }
 
 /// Where a training tells: games and passes at the same time, from two threads.
-pub type Tell<'a> = &'a (dyn Fn(Told) + Sync);
+pub type Report<'a> = &'a (dyn Fn(Progress) + Sync);
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
@@ -86,7 +86,7 @@ pub fn train(
     options: &Options,
     folder: &Path,
     players: &mut dyn Players,
-    tell: Tell<'_>,
+    report: Report<'_>,
 ) -> Result<Trained, TrainError> {
     let options = &Options { passes: schedule.all_passes(), ..options.clone() };
     // Before hours of games.
@@ -96,11 +96,11 @@ pub fn train(
         let mut run = Run {
             schedule,
             folder,
-            games: Kept::new(&games, &mut *players)?,
+            games: Stored::new(&games, &mut *players)?,
             features: Features::new(&folder.join("features"))?,
             known: BTreeMap::new(),
             exams: Vec::new(),
-            tell,
+            report,
             played: (0, 0),
         };
         let trained = run.all(options);
@@ -108,7 +108,7 @@ pub fn train(
         for path in names.iter().map(|name| file(&games, name)).chain([checkpoint(folder)]) {
             remove(&path)?;
         }
-        tell(Told::Doubt(names));
+        report(Progress::Doubt(names));
     }
 }
 
@@ -128,40 +128,40 @@ fn remove(path: &Path) -> Result<(), TrainError> {
 struct Run<'a> {
     schedule: &'a Schedule,
     folder: &'a Path,
-    games: Kept<'a>,
+    games: Stored<'a>,
     features: Features,
     /// Least cost that is known of each patient that is examined.
     known: BTreeMap<String, f64>,
     /// Examinations of the validated patients, by rounds.
     exams: Vec<Vec<Game>>,
-    tell: Tell<'a>,
+    report: Report<'a>,
     /// Games and sets that were trained on.
     played: (usize, usize),
 }
 
 impl Run<'_> {
     fn all(&mut self, options: &Options) -> Result<Trained, TrainError> {
-        let (schedule, tell) = (self.schedule, self.tell);
+        let (schedule, report) = (self.schedule, self.report);
         let checkpoint = checkpoint(self.folder);
         let openings = self.play(None, &schedule.openings(&schedule.train, schedule.opening, "opening"))?;
         let validate = schedule.openings(&schedule.validate, schedule.reference, "reference");
         let validate = self.play(None, &validate)?;
         self.know(&validate);
         let examples = self.examples(&openings)?;
-        let beside = self.examples(&validate)?;
+        let neighbour = self.examples(&validate)?;
         self.count(&openings);
         let about = serde_json::to_string(schedule).map_err(plan)?;
         let mut training = Training::new(about, options.clone(), scales(&examples))?;
         let mut buffer = Buffer::new(schedule.buffer);
         buffer.add(&training, examples)?;
-        let beside: Vec<Ready> = beside.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
+        let neighbour: Vec<Ready> = neighbour.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
         match checkpoint.exists() {
             true => training.resume(&checkpoint)?,
             // Weights of another training that had no checkpoint yet.
             false => remove_weights(self.folder)?,
         }
         while training.passes().len() < schedule.start {
-            tell(Told::Pass(training.pass(&buffer.all(), &beside)?));
+            report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
             training.keep(&checkpoint)?;
         }
         for (round, patients) in schedule.rounds.iter().enumerate() {
@@ -172,13 +172,13 @@ impl Run<'_> {
             let upto = schedule.start + (round + 1) * schedule.passes;
             let descend = || -> Result<(), TrainError> {
                 while training.passes().len() < upto {
-                    tell(Told::Pass(training.pass(&buffer.all(), &beside)?));
+                    report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
                 }
                 Ok(())
             };
             let (played, trained) = std::thread::scope(|scope| {
                 let trained = scope.spawn(descend);
-                (play(&mut self.games, Some(&model), &due, tell), trained.join())
+                (play(&mut self.games, Some(&model), &due, report), trained.join())
             });
             trained.map_err(|_| TrainError::Plan("the thread of the descent panicked".to_owned()))??;
             let mut played = played?;
@@ -189,7 +189,7 @@ impl Run<'_> {
             buffer.add(&training, examples)?;
         }
         while training.passes().len() < schedule.all_passes() {
-            tell(Told::Pass(training.pass(&buffer.all(), &beside)?));
+            report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
             training.keep(&checkpoint)?;
         }
         let (model, last) = (training.model()?, schedule.rounds.len());
@@ -211,7 +211,7 @@ impl Run<'_> {
     }
 
     fn play(&mut self, network: Option<&Model>, due: &[Due]) -> Result<Vec<Game>, TrainError> {
-        play(&mut self.games, network, due, self.tell)
+        play(&mut self.games, network, due, self.report)
     }
 
     /// The examples of games that are trained on or validated with.
@@ -219,7 +219,7 @@ impl Run<'_> {
         let mut all = Vec::new();
         for game in games {
             all.push(Example::new(self.features.of(&game.patient)?, &[game])?);
-            (self.tell)(Told::Features(all.len(), games.len()));
+            (self.report)(Progress::Features(all.len(), games.len()));
         }
         Ok(all)
     }
@@ -239,7 +239,7 @@ impl Run<'_> {
 
     fn examine(&mut self, rounds: usize, exams: Vec<Game>) {
         self.know(&exams);
-        (self.tell)(Told::Strength(rounds, self.summary(&exams)));
+        (self.report)(Progress::Strength(rounds, self.summary(&exams)));
         self.exams.push(exams);
     }
 
@@ -312,15 +312,15 @@ impl Schedule {
 
 /// Plays these games, and gives them in their order.
 fn play(
-    players: &mut Kept<'_>,
+    players: &mut Stored<'_>,
     network: Option<&Model>,
     due: &[Due],
-    tell: Tell<'_>,
+    report: Report<'_>,
 ) -> Result<Vec<Game>, TrainError> {
     let mut games: Vec<Option<Game>> = vec![None; due.len()];
     players.play(network, due, &mut |place, game| {
         games[place] = Some(game);
-        tell(Told::Game(games.iter().flatten().count(), due.len()));
+        report(Progress::Game(games.iter().flatten().count(), due.len()));
         Ok(())
     })?;
     let missing = || TrainError::Plan("the players left a game out".to_owned());

@@ -189,8 +189,8 @@ impl Training {
 
 /// Refuses options that cannot be.
 pub fn check(options: &Options) -> Result<(), TrainError> {
-    let Sizes { structure, ring, angle, beside, pair, set, layers } = options.sizes;
-    let wrong = [structure, ring, angle, beside, pair, set].into_iter().find(|n| !(1..=WIDEST).contains(n));
+    let Sizes { structure, ring, angle, neighbour, pair, set, layers } = options.sizes;
+    let wrong = [structure, ring, angle, neighbour, pair, set].into_iter().find(|n| !(1..=WIDEST).contains(n));
     for (what, value, must, holds) in [
         ("the learning rate", options.rate, "above 0, up to 1", options.rate > 0.0 && options.rate <= 1.0),
         ("the number of passes", options.passes as f64, "at least 1", options.passes > 0),
@@ -223,18 +223,18 @@ fn step_loss(
     let column = |values: Vec<f32>| Tensor::from_vec(values, chosen.len(), device);
     let (zeta, weight) = (column(zeta)?, column(weight)?);
     let beams = sets.first().map_or(1, |set| set.len());
-    let kept = ((beams as f64 * random.uniform()) as usize).min(beams - 1);
-    let states = example.states(options.states, kept, random)?;
+    let retained = ((beams as f64 * random.uniform()) as usize).min(beams - 1);
+    let states = example.states(options.states, retained, random)?;
     let width = states.pi.first().map_or(0, Vec::len);
     let pi = Tensor::from_vec(states.pi.concat(), (states.pi.len(), width), device)?;
-    let said = network.forward(&ready.loaded)?;
+    let predicted = network.forward(&ready.loaded)?;
     // Which set is better matters, not what a patient costs: the mean is that of the sets themselves.
-    let values = said.values(&sets)?;
+    let values = predicted.values(&sets)?;
     let off = (values.mean_all()? - shift)?;
     let v = candle_nn::ops::sigmoid(&values.broadcast_sub(&off)?)?;
     let (zeta, v) = ((zeta * &weight)?, (v * &weight)?);
     let psi: Vec<Tensor> = network.vars().iter().map(|v| v.as_tensor().clone()).collect();
-    loss((&zeta, &v), (&pi, &said.logits(&states)?), &psi, options.weights)
+    loss((&zeta, &v), (&pi, &predicted.logits(&states)?), &psi, options.weights)
 }
 
 fn above_percent(network: &Network, ready: &Ready) -> Result<f64, TrainError> {

@@ -53,9 +53,9 @@ pub fn planes(case: &Case, ring: Ring, set: &[u16], before: &[Vec<u16>], slices:
         }
         let at = grid.centre_mm(voxel);
         let from: [f64; 3] = std::array::from_fn(|axis| at[axis] - centre[axis]);
-        for (number, way) in ways.iter().enumerate() {
-            let Some(way) = way else { continue };
-            let along: f64 = (0..3).map(|axis| from[axis] * way[axis]).sum();
+        for (number, direction) in ways.iter().enumerate() {
+            let Some(direction) = direction else { continue };
+            let along: f64 = (0..3).map(|axis| from[axis] * direction[axis]).sum();
             let square: f64 = from.iter().map(|v| v * v).sum::<f64>() - along * along;
             if along >= 0.0 && square <= STRIP_MM * STRIP_MM {
                 all[(STRUCTURES + number) * plane + place] = 1.0;

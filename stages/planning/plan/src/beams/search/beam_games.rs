@@ -40,10 +40,10 @@ type Place = (Vec<u16>, usize);
 impl<I: Influence + ?Sized> Beams<'_, '_, I> {
     /// For each move the beam that leaves, if one does, and the beam that comes.
     fn all_moves(&self, (beams, made): &Place) -> Vec<(Option<usize>, u16)> {
-        let (ring, wanted) = (self.evaluator.ring(), self.evaluator.beams());
+        let (ring, requested) = (self.evaluator.ring(), self.evaluator.beams());
         match self.kind {
-            BeamGame::Construction if beams.len() < wanted => {
-                let room = |beam: &u16| leaves_room(ring, &[&beams[..], &[*beam]].concat(), wanted);
+            BeamGame::Construction if beams.len() < requested => {
+                let room = |beam: &u16| leaves_room(ring, &[&beams[..], &[*beam]].concat(), requested);
                 ring.legal(beams).into_iter().filter(room).map(|beam| (None, beam)).collect()
             }
             BeamGame::Alternating { depth } if *made < depth => {
@@ -98,10 +98,10 @@ impl<I: Influence + ?Sized> Game for Beams<'_, '_, I> {
         let mut scores = Vec::new();
         let moves = self.all_moves(place);
         for of_slot in moves.chunk_by(|a, b| a.0 == b.0) {
-            let mut kept = place.0.clone();
-            of_slot[0].0.map(|slot| kept.remove(slot));
+            let mut retained = place.0.clone();
+            of_slot[0].0.map(|slot| retained.remove(slot));
             let candidates: Vec<u16> = of_slot.iter().map(|(_, beam)| *beam).collect();
-            scores.extend(checked_scores(self.prior, ring, &kept, &candidates)?);
+            scores.extend(checked_scores(self.prior, ring, &retained, &candidates)?);
         }
         Ok(softmax(&scores))
     }

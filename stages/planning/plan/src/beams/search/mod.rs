@@ -1,7 +1,7 @@
 //! Tree search over sets of beams (ch. 5.2, as SCIENCE G1-G6 corrects it).
 //!
 //! - `formulas`: (5.5)-(5.8): bounds, policy, noise
-//! - `kept`: what a beam is expected to bring beside those that stay
+//! - `retained`: what a beam is expected to bring beside those that stay
 //! - `tree`: PUCT over exchanges, the default
 //! - `game`: tree search of games with costs (algorithm 1); `beam_games`: construction beam by beam, and two players
 //! - `matrix`: matrix games
@@ -9,8 +9,8 @@
 mod beam_games;
 mod formulas;
 mod game;
-mod kept;
 mod matrix;
+mod retained;
 #[cfg(test)]
 mod tests;
 mod tree;

@@ -13,7 +13,7 @@ use super::super::random;
 use super::super::ring::{BeamSet, Ring};
 use super::SearchOptions;
 use super::formulas::{dirichlet, puct, softmax};
-use super::kept::Kept;
+use super::retained::Retained;
 
 /// A part of the root's cost that counts as 1 in utilities.
 const UNIT: f64 = 0.05;
@@ -57,7 +57,7 @@ pub struct Tree<'t, 'a, I: Influence + ?Sized> {
     options: &'t SearchOptions,
     prior: Option<&'t dyn Prior>,
     seed: u64,
-    kept: BTreeMap<BeamSet, Kept>,
+    retained: BTreeMap<BeamSet, Retained>,
     nodes: BTreeMap<BeamSet, Node>,
     now: Arc<Evaluated>,
     noise: BTreeMap<BeamSet, Vec<f64>>,
@@ -73,8 +73,8 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
         seed: u64,
         start: Arc<Evaluated>,
     ) -> Self {
-        let (kept, nodes, noise) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        Self { evaluator, options, prior, seed, kept, nodes, now: start, noise, restarts: 0 }
+        let (retained, nodes, noise) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        Self { evaluator, options, prior, seed, retained, nodes, now: start, noise, restarts: 0 }
     }
 
     /// Searches until the budget is spent or hardly any set is new.
@@ -158,8 +158,8 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
                 }
                 continue;
             }
-            let Some(kept) = self.kept.get(&stay) else { continue };
-            let sets: Vec<BeamSet> = kept
+            let Some(retained) = self.retained.get(&stay) else { continue };
+            let sets: Vec<BeamSet> = retained
                 .candidates
                 .iter()
                 .map(|beam| ring.set(&[&others[..], &[*beam]].concat()))
@@ -171,10 +171,10 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             }
             let solved: Vec<(usize, f64)> =
                 costs.iter().enumerate().filter_map(|(i, cost)| Some((i, (*cost)?))).collect();
-            let expected = kept.expected(ring, &solved);
+            let expected = retained.expected(ring, &solved);
             let noise = (path.len() == 1).then(|| self.noise.get(&stay)).flatten();
             for (i, set) in sets.into_iter().enumerate() {
-                let beam = kept.candidates[i];
+                let beam = retained.candidates[i];
                 if beam == left || path.contains(&set) || pending.iter().any(|leaf| leaf.set == set) {
                     continue;
                 }
@@ -190,8 +190,8 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
                 let q = self.utility(cost);
                 let epsilon = self.options.noise;
                 let prior = match noise {
-                    Some(noise) => (1.0 - epsilon) * kept.probability[i] + epsilon * noise[i],
-                    None => kept.probability[i],
+                    Some(noise) => (1.0 - epsilon) * retained.probability[i] + epsilon * noise[i],
+                    None => retained.probability[i],
                 };
                 let n = edge.map_or(0, |edge| edge.visits);
                 offer(puct(q, slot_probability * prior, n, visits + 1, self.options.c), set, q);
@@ -202,7 +202,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
 
     /// Whether the candidates beside these beams are known; makes them where that takes no solve.
     fn ready(&mut self, stay: &BeamSet) -> Result<bool, ChoiceError> {
-        if self.kept.contains_key(stay) {
+        if self.retained.contains_key(stay) {
             return Ok(true);
         }
         let ring = self.evaluator.ring();
@@ -231,11 +231,11 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             _ => None,
         };
         if self.options.noise > 0.0 {
-            let mut rng = random::draw(self.seed, NOISE, self.kept.len() as u64);
+            let mut rng = random::draw(self.seed, NOISE, self.retained.len() as u64);
             let alpha = 10.0 / candidates.len().max(1) as f64;
             self.noise.insert(stay.clone(), dirichlet(candidates.len(), alpha, &mut rng));
         }
-        self.kept.insert(stay.clone(), Kept::new(candidates, priced, self.options.price, scores));
+        self.retained.insert(stay.clone(), Retained::new(candidates, priced, self.options.price, scores));
         Ok(true)
     }
 

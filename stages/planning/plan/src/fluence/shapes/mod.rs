@@ -322,7 +322,7 @@ impl Measured {
     }
 
     /// What it should be: `D95% >= 50 Gy`.
-    pub fn wanted(&self) -> String {
+    pub fn requested(&self) -> String {
         format!("{} {} {} {}", self.quantity, self.bound.sign(), short(self.limit), self.unit)
     }
 }

@@ -103,8 +103,8 @@ fn rows(problem: &Problem) -> Vec<f64> {
     vec![0.0; problem.matrix().rows()]
 }
 
-fn moved(dose: &[f64], by: f64, way: &[f64]) -> Vec<f64> {
-    dose.iter().zip(way).map(|(dose, way)| dose + by * way).collect()
+fn moved(dose: &[f64], by: f64, direction: &[f64]) -> Vec<f64> {
+    dose.iter().zip(direction).map(|(dose, direction)| dose + by * direction).collect()
 }
 
 fn numbers(least: f64, most: f64) -> impl Strategy<Value = Vec<f64>> {
@@ -125,10 +125,10 @@ fn the_slope_and_the_curvature_of_every_shape_are_those_of_its_cost() {
         let checked = std::cell::Cell::new(0);
         let draws =
             (numbers(1.0, 90.0), numbers(0.1, 3.0), numbers(0.0, 40.0), numbers(-1.0, 1.0), 20.0..80.0);
-        let outcome = runner.run(&draws, |(dose, volumes, to_target_mm, way, prescribed_gy)| {
+        let outcome = runner.run(&draws, |(dose, volumes, to_target_mm, direction, prescribed_gy)| {
             let objective = spec.resolve(prescribed_gy, 80.0);
             let alone = Alone::new(objective, &volumes, &to_target_mm);
-            let (before, after) = (moved(&dose, -STEP, &way), moved(&dose, STEP, &way));
+            let (before, after) = (moved(&dose, -STEP, &direction), moved(&dose, STEP, &direction));
             let cost = alone.cost(&dose);
             let x = alone.columns(&dose);
             let mut rows = rows(&alone.problem.convex);

@@ -10,7 +10,7 @@ use super::variety::{Site, Variety};
 
 /// What is at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum BodyPart {
     /// Outside the body.
     Air,
     /// Under the skin and around the organs.
@@ -151,8 +151,8 @@ impl Anatomy {
     }
 
     /// Whether a part belongs to the clinical target.
-    pub fn is_target(&self, part: Part) -> bool {
-        part == Part::Tumour || (part == Part::Prostate && self.prostate_is_target)
+    pub fn is_target(&self, part: BodyPart) -> bool {
+        part == BodyPart::Tumour || (part == BodyPart::Prostate && self.prostate_is_target)
     }
 
     /// Sides with a hip implant: 1 left, -1 right.
@@ -171,28 +171,28 @@ impl Anatomy {
     }
 
     /// What is at a place.
-    pub fn part(&self, point_mm: [f64; 3]) -> Part {
+    pub fn part(&self, point_mm: [f64; 3]) -> BodyPart {
         let depth = self.depth_mm(point_mm);
         if depth <= 0.0 {
-            return Part::Air;
+            return BodyPart::Air;
         }
         if self.tumour.iter().any(|part| part.level(point_mm) <= 1.0) {
-            return Part::Tumour;
+            return BodyPart::Tumour;
         }
         if self.prostate.level(point_mm) <= 1.0 {
-            return Part::Prostate;
+            return BodyPart::Prostate;
         }
         if let Some(part) = self.rectum(point_mm) {
             return part;
         }
         if self.bladder.level(point_mm) <= 1.0 {
-            return Part::Bladder;
+            return BodyPart::Bladder;
         }
         if self.bowel.as_ref().is_some_and(|bowel| bowel.level(point_mm) <= 1.0) {
-            return Part::Bowel;
+            return BodyPart::Bowel;
         }
         if self.implants.iter().any(|side| self.implant(*side, point_mm)) {
-            return Part::Metal;
+            return BodyPart::Metal;
         }
         if let Some(part) = self.bone(point_mm) {
             return part;
@@ -201,8 +201,8 @@ impl Anatomy {
         let skin = self.fat_mm * if point_mm[1] > 0.0 { 0.8 } else { 1.0 };
         let pelvis = Ellipsoid { centre_mm: [0.0, 5.0, 25.0], radii_mm: [68.0, 62.0, 75.0] };
         match depth < skin || pelvis.level(point_mm) <= 1.0 {
-            true => Part::Fat,
-            false => Part::Muscle,
+            true => BodyPart::Fat,
+            false => BodyPart::Muscle,
         }
     }
 
@@ -218,7 +218,7 @@ impl Anatomy {
         if level == 0.0 { b } else { radius * (1.0 / level - 1.0) }
     }
 
-    fn rectum(&self, [x, y, z]: [f64; 3]) -> Option<Part> {
+    fn rectum(&self, [x, y, z]: [f64; 3]) -> Option<BodyPart> {
         if !(-60.0..=85.0).contains(&z) {
             return None;
         }
@@ -234,11 +234,11 @@ impl Anatomy {
         if from_axis > radius {
             None
         } else if from_axis > radius - 3.5 {
-            Some(Part::RectumWall)
+            Some(BodyPart::RectumWall)
         } else if self.gas.level([inner[0], inner[1], z]) <= 1.0 {
-            Some(Part::Gas)
+            Some(BodyPart::Gas)
         } else {
-            Some(Part::Stool)
+            Some(BodyPart::Stool)
         }
     }
 
@@ -256,7 +256,7 @@ impl Anatomy {
         ball.min(neck).min(stem) <= 0.0
     }
 
-    fn bone(&self, point_mm: [f64; 3]) -> Option<Part> {
+    fn bone(&self, point_mm: [f64; 3]) -> Option<BodyPart> {
         let side = if point_mm[0] < 0.0 { -1.0 } else { 1.0 };
         let head = self.hip(side);
         let r = self.hip_radius_mm;
@@ -308,8 +308,8 @@ impl Anatomy {
     }
 }
 
-fn shell(depth: f64, thickness: f64) -> Part {
-    if depth > -thickness { Part::Cortex } else { Part::Marrow }
+fn shell(depth: f64, thickness: f64) -> BodyPart {
+    if depth > -thickness { BodyPart::Cortex } else { BodyPart::Marrow }
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

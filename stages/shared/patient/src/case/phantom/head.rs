@@ -31,7 +31,7 @@ pub struct Skin<'a> {
 
 /// What is at a place, in the order in which places are looked up.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum BodyPart {
     Soft,
     Bone,
     Brain,
@@ -53,10 +53,11 @@ pub fn head(skin: &Skin<'_>, seed: u64, spacing_mm: f64) -> Result<Case, CaseErr
     let len = grid.len();
     let place = |i: usize| in_head(grid.centre_mm(grid.voxel(i)));
     let depth: Vec<f64> = (0..len).map(|i| (skin.depth_mm)(place(i))).collect();
-    let parts: Vec<Part> = (0..len).map(|i| part(place(i), depth[i])).collect();
+    let parts: Vec<BodyPart> = (0..len).map(|i| part(place(i), depth[i])).collect();
     let body = Mask::from_fn(len, |i| depth[i] > 0.0);
-    let of = |part: Part| Mask::from_fn(len, |i| depth[i] > 0.0 && parts[i] == part);
-    let brain = Mask::from_fn(len, |i| matches!(parts[i], Part::Brain | Part::Brainstem) && depth[i] > 0.0);
+    let of = |part: BodyPart| Mask::from_fn(len, |i| depth[i] > 0.0 && parts[i] == part);
+    let brain =
+        Mask::from_fn(len, |i| matches!(parts[i], BodyPart::Brain | BodyPart::Brainstem) && depth[i] > 0.0);
     let (target, radius) = target(seed);
     let ball =
         |more: f64| Mask::from_fn(len, |i| distance(place(i), target) <= radius + more && body.contains(i));
@@ -64,11 +65,11 @@ pub fn head(skin: &Skin<'_>, seed: u64, spacing_mm: f64) -> Result<Case, CaseErr
     let mut texture = Texture::of_seed(seed, &grid);
     let hu = (0..len).map(|i| {
         let (mean, spread) = match parts[i] {
-            Part::Soft => (40.0, 14.0),
-            Part::Bone => (800.0, 90.0),
-            Part::Brain | Part::Brainstem | Part::Cord => (36.0, 5.0),
-            Part::EyeL | Part::EyeR => (12.0, 3.0),
-            Part::Airway => (-1000.0, 0.0),
+            BodyPart::Soft => (40.0, 14.0),
+            BodyPart::Bone => (800.0, 90.0),
+            BodyPart::Brain | BodyPart::Brainstem | BodyPart::Cord => (36.0, 5.0),
+            BodyPart::EyeL | BodyPart::EyeR => (12.0, 3.0),
+            BodyPart::Airway => (-1000.0, 0.0),
         };
         // A voxel that the skin halves is half air.
         let within = (0.5 + depth[i] / spacing_mm).clamp(0.0, 1.0);
@@ -84,10 +85,10 @@ pub fn head(skin: &Skin<'_>, seed: u64, spacing_mm: f64) -> Result<Case, CaseErr
             structure("Body", Role::External, body),
             structure("PTV", Role::Target, ptv),
             structure("Brain", Role::Organ, brain),
-            structure("Brainstem", Role::Organ, of(Part::Brainstem)),
-            structure("SpinalCord", Role::Organ, of(Part::Cord)),
-            structure("EyeL", Role::Organ, of(Part::EyeL)),
-            structure("EyeR", Role::Organ, of(Part::EyeR)),
+            structure("Brainstem", Role::Organ, of(BodyPart::Brainstem)),
+            structure("SpinalCord", Role::Organ, of(BodyPart::Cord)),
+            structure("EyeL", Role::Organ, of(BodyPart::EyeL)),
+            structure("EyeR", Role::Organ, of(BodyPart::EyeR)),
             structure("CTV", Role::ClinicalTarget, ctv),
         ],
         isocentre_mm: Some(in_patient(target)),
@@ -126,7 +127,7 @@ fn target(seed: u64) -> ([f64; 3], f64) {
     ([side * (22.0 + 8.0 * part(1)), 48.0 + 8.0 * part(2), 10.0 + 16.0 * part(3)], 14.0 + 4.0 * part(4))
 }
 
-fn part(at: [f64; 3], depth: f64) -> Part {
+fn part(at: [f64; 3], depth: f64) -> BodyPart {
     // Brain and skull, open to the neck below.
     let brain = ellipsoid(at, [0.0, 40.0, 0.0], [64.0, 70.0, 80.0]);
     let stem = rod(at, [0.0, 6.0, -12.0], [0.0, -34.0, -22.0]) - 11.0;
@@ -138,20 +139,20 @@ fn part(at: [f64; 3], depth: f64) -> Part {
     let jaw = (ellipsoid(at, [0.0, -48.0, 40.0], [46.0, 30.0, 42.0]).abs() - 4.0).max(at[1] + 46.0);
     let eye = |side: f64| distance(at, [side * 31.0, 10.0, 66.0]) - 12.0;
     if stem <= 0.0 {
-        Part::Brainstem
+        BodyPart::Brainstem
     } else if cord <= 0.0 {
-        Part::Cord
+        BodyPart::Cord
     } else if brain <= 0.0 && at[1] > -22.0 {
-        Part::Brain
+        BodyPart::Brain
     } else if eye(1.0) <= 0.0 {
-        Part::EyeL
+        BodyPart::EyeL
     } else if eye(-1.0) <= 0.0 {
-        Part::EyeR
+        BodyPart::EyeR
     } else if airway <= 0.0 {
-        Part::Airway
+        BodyPart::Airway
     } else if depth > 3.0 && (brain <= SKULL_MM && at[1] > -30.0 || vertebrae <= 0.0 || jaw <= 0.0) {
-        Part::Bone
+        BodyPart::Bone
     } else {
-        Part::Soft
+        BodyPart::Soft
     }
 }

@@ -17,7 +17,7 @@ mod shapes;
 mod texture;
 mod variety;
 
-use anatomy::{Anatomy, Part};
+use anatomy::{Anatomy, BodyPart};
 pub use head::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head};
 pub use neck::neck;
 use texture::Texture;
@@ -79,17 +79,18 @@ fn case(
 ) -> Result<Case, CaseError> {
     let grid = grid(anatomy);
     let len = grid.len();
-    let parts: Vec<Part> = (0..len).map(|i| anatomy.part(grid.centre_mm(grid.voxel(i)))).collect();
-    let of = |part: Part| Mask::from_fn(len, |i| parts[i] == part);
+    let parts: Vec<BodyPart> = (0..len).map(|i| anatomy.part(grid.centre_mm(grid.voxel(i)))).collect();
+    let of = |part: BodyPart| Mask::from_fn(len, |i| parts[i] == part);
     let ctv = Mask::from_fn(len, |i| anatomy.is_target(parts[i]));
-    let body = Mask::from_fn(len, |i| parts[i] != Part::Air);
+    let body = Mask::from_fn(len, |i| parts[i] != BodyPart::Air);
     let around = widened(&grid, &ctv);
     let ptv = Mask::from_fn(len, |i| around.contains(i) && body.contains(i));
-    let rectum = Mask::from_fn(len, |i| matches!(parts[i], Part::RectumWall | Part::Stool | Part::Gas));
+    let rectum =
+        Mask::from_fn(len, |i| matches!(parts[i], BodyPart::RectumWall | BodyPart::Stool | BodyPart::Gas));
     let head = |side: f64| Mask::from_fn(len, |i| anatomy.femoral_head(side, grid.centre_mm(grid.voxel(i))));
     let metal = |side: f64| {
         Mask::from_fn(len, |i| {
-            parts[i] == Part::Metal && anatomy.implant(side, grid.centre_mm(grid.voxel(i)))
+            parts[i] == BodyPart::Metal && anatomy.implant(side, grid.centre_mm(grid.voxel(i)))
         })
     };
     let mut texture = Texture::of_seed(seed, &grid);
@@ -103,12 +104,12 @@ fn case(
         structure("Body", Role::External, body),
         structure("PTV", Role::Target, ptv),
         structure("Rectum", Role::Organ, rectum),
-        structure("Bladder", Role::Organ, of(Part::Bladder)),
+        structure("Bladder", Role::Organ, of(BodyPart::Bladder)),
         hip(1.0, "FemoralHeadL", "HipImplantL"),
         hip(-1.0, "FemoralHeadR", "HipImplantR"),
         structure("CTV", Role::ClinicalTarget, ctv),
     ];
-    let bowel = of(Part::Bowel);
+    let bowel = of(BodyPart::Bowel);
     if !bowel.is_empty() {
         structures.push(structure("Bowel", Role::Organ, bowel));
     }

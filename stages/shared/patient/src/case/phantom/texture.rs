@@ -3,7 +3,7 @@
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 
-use super::anatomy::Part;
+use super::anatomy::BodyPart;
 use crate::Grid;
 
 /// Distance of the knots between which tissue changes.
@@ -33,21 +33,21 @@ impl Texture {
     }
 
     /// Hounsfield units of the next voxel of the grid.
-    pub fn hu(&mut self, part: Part, voxel: [usize; 3]) -> i16 {
+    pub fn hu(&mut self, part: BodyPart, voxel: [usize; 3]) -> i16 {
         let (mean, spread) = match part {
-            Part::Air => (-1000.0, 0.0),
-            Part::Fat => (-95.0, 10.0),
-            Part::Muscle => (52.0, 14.0),
-            Part::Cortex => (720.0, 110.0),
-            Part::Marrow => (270.0, 60.0),
-            Part::Bladder => (9.0, 2.0),
-            Part::RectumWall => (42.0, 8.0),
-            Part::Stool => (28.0, 25.0),
-            Part::Gas => (-880.0, 40.0),
-            Part::Prostate => (42.0, 7.0),
-            Part::Tumour => (45.0, 8.0),
-            Part::Bowel => (25.0, 20.0),
-            Part::Metal => (2900.0, 20.0),
+            BodyPart::Air => (-1000.0, 0.0),
+            BodyPart::Fat => (-95.0, 10.0),
+            BodyPart::Muscle => (52.0, 14.0),
+            BodyPart::Cortex => (720.0, 110.0),
+            BodyPart::Marrow => (270.0, 60.0),
+            BodyPart::Bladder => (9.0, 2.0),
+            BodyPart::RectumWall => (42.0, 8.0),
+            BodyPart::Stool => (28.0, 25.0),
+            BodyPart::Gas => (-880.0, 40.0),
+            BodyPart::Prostate => (42.0, 7.0),
+            BodyPart::Tumour => (45.0, 8.0),
+            BodyPart::Bowel => (25.0, 20.0),
+            BodyPart::Metal => (2900.0, 20.0),
         };
         self.value(mean, spread, voxel)
     }

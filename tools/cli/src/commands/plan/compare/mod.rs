@@ -1,12 +1,12 @@
 //! `stillpoint plan compare`: two plans of one case side by side.
 //!
 //! - `compared`: a plan.json that is compared
-//! - `beside`: the rows of both plans
+//! - `side_by_side`: the rows of both plans
 //! - `page`: compare.html
 
-mod beside;
 mod compared;
 mod page;
+mod side_by_side;
 
 use std::path::PathBuf;
 
@@ -17,8 +17,8 @@ use super::page::parts::{value, word};
 use super::table;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
-use beside::Beside;
 use compared::Compared;
+use side_by_side::SideBySide;
 
 /// Names of both plans in tables.
 const NAMES: [&str; 2] = ["A", "B"];
@@ -44,8 +44,8 @@ impl Compare {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let plans = [Compared::read(&self.a)?, Compared::read(&self.b)?];
-        let beside = Beside::new(&plans)?;
-        let page = page::page(&beside)?;
+        let side_by_side = SideBySide::new(&plans)?;
+        let page = page::page(&side_by_side)?;
         let fault = |e: &dyn std::fmt::Display| {
             Failure::failed(format!("{}: {e}; give another file with --out", self.out.display()))
         };
@@ -54,36 +54,36 @@ impl Compare {
         if self.json {
             let both = json!({
                 "case": { "name": plans[0].case().name, "hash": plans[0].case().hash },
-                "same_objectives": beside.is_of_the_same_objectives(),
-                "plans": beside.to_json(),
+                "same_objectives": side_by_side.is_of_the_same_objectives(),
+                "plans": side_by_side.to_json(),
                 "files": [&self.out],
             });
             print_json(&both)?;
         } else {
-            print(&beside);
+            print(&side_by_side);
             outln!("\n{}", self.out.display());
         }
         Ok(Exit::Done)
     }
 }
 
-fn print(beside: &Beside<'_>) {
-    outln!("two plans of {}:\n", beside.plans[0].case().name);
+fn print(side_by_side: &SideBySide<'_>) {
+    outln!("two plans of {}:\n", side_by_side.plans[0].case().name);
     let mut rows = Columns::new([(Side::Left, ""), (Side::Left, NAMES[0]), (Side::Left, NAMES[1])]);
-    for (name, values) in beside.rows() {
+    for (name, values) in side_by_side.rows() {
         rows.row(std::iter::once(name).chain(values));
     }
     out!("{rows}");
-    for note in beside.notes() {
+    for note in side_by_side.notes() {
         outln!("{note}");
     }
     outln!();
-    let volumes = beside.volumes_at_gy();
+    let volumes = side_by_side.volumes_at_gy();
     // One column, because a wide table repeats its first column alone.
-    let rows = beside.structures().map(|(names, figures)| (vec![names.join(", ")], figures));
+    let rows = side_by_side.structures().map(|(names, figures)| (vec![names.join(", ")], figures));
     out!("{}", table::of_structures(&["structure, plan"], rows, &volumes));
     table::explain();
-    let [a, b] = beside.limits();
+    let [a, b] = side_by_side.limits();
     if a.is_empty() {
         return;
     }

@@ -7,26 +7,26 @@ use stillpoint_report::page::{Block, Cell, Table};
 use super::super::page::histogram::Histograms;
 use super::super::page::{parts, section};
 use super::NAMES;
-use super::beside::Beside;
 use super::compared::Compared;
+use super::side_by_side::SideBySide;
 use crate::exit::Failure;
 
 /// The page.
-pub fn page(beside: &Beside<'_>) -> Result<String, Failure> {
+pub fn page(side_by_side: &SideBySide<'_>) -> Result<String, Failure> {
     let mut plans = Table::new("Both plans", &["", NAMES[0], NAMES[1]]);
-    for (name, values) in beside.rows() {
+    for (name, values) in side_by_side.rows() {
         plans.row([Cell::text(name)].into_iter().chain(values.map(Cell::text)));
     }
     let mut summary = vec![Block::Table(plans)];
-    summary.extend(beside.notes().into_iter().map(Block::Warning));
-    let [a, b] = beside.plans;
+    summary.extend(side_by_side.notes().into_iter().map(Block::Warning));
+    let [a, b] = side_by_side.plans;
     let histograms = Histograms {
         lines: curves(a),
         dashes: curves(b),
         prescription: &a.file.prescription,
         limits: a.limits(),
     };
-    let [of_a, of_b] = beside.limits();
+    let [of_a, of_b] = side_by_side.limits();
     let limits = if of_a.is_empty() {
         Block::Text("Neither plan was compared with a protocol.".to_owned())
     } else {
@@ -34,7 +34,7 @@ pub fn page(beside: &Beside<'_>) -> Result<String, Failure> {
         let results = [("result of A", of_a), ("result of B", of_b)];
         Block::Table(parts::limits("Limits of the protocols".to_owned(), &values, &results))
     };
-    let rows = beside.structures().map(|(names, figures)| (names.map(str::to_owned).to_vec(), figures));
+    let rows = side_by_side.structures().map(|(names, figures)| (names.map(str::to_owned).to_vec(), figures));
     let figures = parts::figures("Figures by structure", &["structure", "plan"], rows);
     let sections = [
         section("plans", "Plans", summary)?,

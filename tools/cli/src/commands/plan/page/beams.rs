@@ -5,9 +5,9 @@ use stillpoint_plan::beams::Influence;
 use stillpoint_plan::fluence::{Options, solve_plan};
 use stillpoint_report::page::{Block, Cell, Table};
 
-use super::super::ground::Ground;
 use super::super::leaves::Leaves;
 use super::super::outcome::Outcome;
+use super::super::prepared::Prepared;
 use super::super::request::Request;
 use super::eye;
 use crate::exit::Failure;
@@ -15,7 +15,7 @@ use crate::exit::Failure;
 /// Accuracy of an objective without a beam.
 const ACCURACY: Options = Options { tolerance: 1e-3, ..Options::DEFAULT };
 
-pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Vec<Block>, Failure> {
+pub fn blocks(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Vec<Block>, Failure> {
     let best = &outcome.run.choice.best;
     let whole: f64 = best.plan.weights.iter().sum();
     let mut columns = vec!["gantry, degrees", "share of the fluence", "objective without it"];
@@ -29,7 +29,7 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
     for beam in best.beams.beams() {
         let weights = best.weights_of(*beam).unwrap_or_default();
         let share = weights.iter().sum::<f64>() / whole;
-        let without = match without(request, ground, outcome, *beam)? {
+        let without = match without(request, prepared, outcome, *beam)? {
             Some(cost) => format!("+{:.0} %", 100.0 * (cost / best.solved_cost() - 1.0)),
             None => "-".to_owned(),
         };
@@ -52,7 +52,7 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
             _ => None,
         };
         let eye = eye::Eye {
-            planned: (ground.doses.solved.bixels_mm(*beam), weights),
+            planned: (prepared.doses.solved.bixels_mm(*beam), weights),
             shaped: fluence.as_ref().map(|(bixels, weights)| (&bixels[..], &weights[..])),
             width_mm: request.setup.spec.bixel_mm,
             most,
@@ -77,7 +77,7 @@ fn shaped<'a>(
 /// The objective of the other beams; nothing where there are none.
 fn without(
     request: &Request,
-    ground: &Ground,
+    prepared: &Prepared,
     outcome: &Outcome<'_>,
     beam: u16,
 ) -> Result<Option<f64>, Failure> {
@@ -86,7 +86,7 @@ fn without(
     if others.is_empty() {
         return Ok(None);
     }
-    let matrices: Vec<Setups<'_>> = others.iter().map(|other| ground.doses.solved.beam(*other)).collect();
+    let matrices: Vec<Setups<'_>> = others.iter().map(|other| prepared.doses.solved.beam(*other)).collect();
     let start: Vec<f64> =
         others.iter().flat_map(|other| best.weights_of(*other).unwrap_or_default()).copied().collect();
     let problem = request.setup.goals.problem(&matrices).map_err(Failure::failed)?;

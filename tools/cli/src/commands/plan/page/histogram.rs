@@ -83,7 +83,7 @@ impl Histograms<'_> {
             y: "volume with at least this dose, %".to_owned(),
             series,
         };
-        let svg = chart.svg_with_legend_beside(960, 520, &colours).map_err(Failure::failed)?;
+        let svg = chart.svg_with_legend_aside(960, 520, &colours).map_err(Failure::failed)?;
         let caption = format!(
             "{words} Vertical dashes: prescriptions. Dots: limits of the protocol, in the colour of the structure."
         );

@@ -19,8 +19,8 @@ use stillpoint_report::page::{Block, Section, Tile};
 use stillpoint_report::themed;
 
 use super::charts;
-use super::ground::Ground;
 use super::outcome::Outcome;
+use super::prepared::Prepared;
 use super::request::Request;
 use super::table::angles;
 use super::tree;
@@ -29,13 +29,13 @@ use crate::picture::Plane;
 use slices::{Dosed, ISODOSES};
 
 /// The page of a plan.
-pub fn page(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<String, Failure> {
+pub fn page(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<String, Failure> {
     let sections = [
         summary(request, outcome)?,
-        doses(request, ground, outcome)?,
+        doses(request, prepared, outcome)?,
         section("dvh", "Dose-volume histograms", histogram::blocks(request, outcome)?)?,
         limits(request, outcome)?,
-        section("beams", "Beams", beams::blocks(request, ground, outcome)?)?,
+        section("beams", "Beams", beams::blocks(request, prepared, outcome)?)?,
         search(request, outcome)?,
         figures(outcome)?,
     ];
@@ -71,7 +71,7 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
         tiles.push(Tile::plain(&format!("{}, D95%", target.name), format!("{:.1} Gy", target.d95_gy)));
     }
     if let Some(protocol) = &request.protocol {
-        let count = |wanted| limits.iter().filter(|j| j.passed == Some(wanted)).count();
+        let count = |requested| limits.iter().filter(|j| j.passed == Some(requested)).count();
         let text = format!("{} kept, {} not", count(true), count(false));
         tiles.push(Tile::state(&format!("limits of {}", protocol.name), text, count(false) == 0));
     }
@@ -86,18 +86,18 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
         ));
     }
     let which = if outcome.leaves.is_some() { "segments" } else { "planned fluence" };
-    let said = format!(
+    let message = format!(
         "Figures, slices and limits are of the dose of the {which}, computed on a grid of {:.2} mm.",
         outcome.grid().spacing_mm[0]
     );
-    section("summary", "Summary", vec![Block::Tiles(tiles), Block::Text(said)])
+    section("summary", "Summary", vec![Block::Tiles(tiles), Block::Text(message)])
 }
 
-fn doses(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+fn doses(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let (gray, _, _) = shown(outcome);
     let case = &request.setup.case;
-    let dosed = Dosed { case, grid: outcome.grid(), gray, prescribed_gy: ground.prescribed_gy };
-    let mut blocks = vec![Block::Drawing(legend(outcome, ground.prescribed_gy), String::new())];
+    let dosed = Dosed { case, grid: outcome.grid(), gray, prescribed_gy: prepared.prescribed_gy };
+    let mut blocks = vec![Block::Drawing(legend(outcome, prepared.prescribed_gy), String::new())];
     for plane in Plane::ALL {
         blocks.push(slices::stack(&dosed, plane)?);
     }
@@ -181,9 +181,9 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
     );
     let mut blocks = vec![drawing];
     if let Some(tree) = tree::drawing(request.setup.spec.ring, request.beams, &run.history) {
-        let said = "Sets from which others were solved, each below the set from which it was reached by exchanging beams; bold: \
+        let message = "Sets from which others were solved, each below the set from which it was reached by exchanging beams; bold: \
                     the way to the best set. Bars: solves below each set.";
-        blocks.push(Block::Drawing(themed(&tree), said.to_owned()));
+        blocks.push(Block::Drawing(themed(&tree), message.to_owned()));
     }
     blocks.extend([Block::Text(found), Block::Text(proved)]);
     blocks.extend(outcome.worst_case(request).map(Block::Text));

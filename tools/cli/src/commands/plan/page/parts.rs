@@ -6,10 +6,10 @@ use stillpoint_plan::protocol::Judged;
 use stillpoint_report::page::{Cell, Mood, Table};
 
 /// Limits that stand beside each other; nothing where a plan was not compared with the limit.
-pub type Beside = Vec<Option<Judged>>;
+pub type SideBySide = Vec<Option<Judged>>;
 
 /// A row for each limit: values under the first headings, pass and fail under the others. All columns are as long.
-pub fn limits(caption: String, values: &[(&str, Beside)], results: &[(&str, Beside)]) -> Table {
+pub fn limits(caption: String, values: &[(&str, SideBySide)], results: &[(&str, SideBySide)]) -> Table {
     let mut columns = vec!["structure", "limit"];
     columns.extend(values.iter().chain(results).map(|(name, _)| *name));
     columns.push("source");
@@ -37,7 +37,7 @@ pub fn objectives(results: &[ObjectiveResult]) -> Option<Table> {
         let (mood, word) = if measured.met() { (Mood::Good, "met") } else { (Mood::Bad, "not met") };
         table.row([
             Cell::text(&result.structure),
-            Cell::text(measured.wanted()),
+            Cell::text(measured.requested()),
             Cell::number(format!("{:.1} {}", measured.value, measured.unit)),
             Cell::number(format!("{:.4}", result.cost)),
             Cell::State(mood, word.to_owned()),

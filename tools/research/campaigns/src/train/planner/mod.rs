@@ -2,10 +2,10 @@
 //!
 //! - `player`, `workers`: the processes that play games, and what starts them
 //! - `weights`: the weights in shared memory
-//! - `told`: progress bars and curves
+//! - `reported`: progress bars and curves
 
 mod player;
-mod told;
+mod reported;
 mod weights;
 mod workers;
 
@@ -23,8 +23,8 @@ use super::publish;
 pub use player::Player;
 use stillpoint::quantity;
 use stillpoint::{Ended, Failure};
-use stillpoint::{PoolArgs, tell_shares};
-use told::Bars;
+use stillpoint::{PoolArgs, print_shares};
+use reported::Bars;
 use workers::Workers;
 
 /// Number of the first phantom of self-play, beside those of openings.
@@ -130,20 +130,20 @@ impl Planner {
         let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let began = Instant::now();
         let bars = Bars::new(&schedule)?;
-        let tell = |told| bars.tell(told);
+        let report = |reported| bars.report(reported);
         let trained = match self.pool.open()? {
             Some(pool) => {
                 let mut players = Pooled::new(pool.telling(bars.news()), cores());
-                let trained = train(&schedule, &options, &self.data, &mut players, &tell);
+                let trained = train(&schedule, &options, &self.data, &mut players, &report);
                 bars.finish();
                 if !self.json {
-                    tell_shares(players.pool());
+                    print_shares(players.pool());
                 }
                 trained
             }
             None => {
                 let mut workers = Workers::new(self.players.unwrap_or_else(cores))?;
-                train(&schedule, &options, &self.data, &mut workers, &tell)
+                train(&schedule, &options, &self.data, &mut workers, &report)
             }
         };
         bars.finish();
@@ -156,9 +156,9 @@ impl Planner {
             seconds: began.elapsed().as_secs_f64(),
         };
         let card = Card::of(&trained, &schedule, &options, about);
-        let strength = told::strength(&trained.strength)?;
+        let strength = reported::strength(&trained.strength)?;
         super::write(&self.out, "-strength.svg", strength.as_bytes())?;
-        publish(&self.out, bytes, &card, &card.markdown(), told::losses(&trained.passes)?, self.json)
+        publish(&self.out, bytes, &card, &card.markdown(), reported::losses(&trained.passes)?, self.json)
     }
 
     fn schedule(&self) -> Result<Schedule, Failure> {

@@ -37,7 +37,7 @@ pub struct Order {
 /// A line from a player.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Said {
+pub enum PlayerMessage {
     /// It has joined the topic of the weights, and waits for an order.
     Ready,
     /// The game of its order has ended.
@@ -52,13 +52,13 @@ impl Player {
         let name = format!("player-{}", std::process::id());
         let domain = Domain::join(&self.root, &self.prefix, &name).map_err(Failure::failed)?;
         let mut weights = Receiver::new(&domain)?;
-        say(&Said::Ready)?;
+        say(&PlayerMessage::Ready)?;
         for line in std::io::stdin().lock().lines() {
             // A line that was cut off is of a training that has died.
             let Ok(order) = serde_json::from_str::<Order>(&line.map_err(Failure::failed)?) else { break };
             let played = match played(&order, &mut weights) {
-                Ok(game) => Said::Played(Box::new(game)),
-                Err(why) => Said::Failed(why),
+                Ok(game) => PlayerMessage::Played(Box::new(game)),
+                Err(why) => PlayerMessage::Failed(why),
             };
             say(&played)?;
         }
@@ -69,10 +69,10 @@ impl Player {
 fn played(order: &Order, weights: &mut Receiver) -> Result<Game, String> {
     let network = match &order.network {
         None => None,
-        Some(wanted) => {
+        Some(requested) => {
             let newest = weights.newest().map_err(|e| e.text)?;
             let newest = newest.ok_or("no weights have come")?;
-            if newest.hash().map_err(|e| e.to_string())? != *wanted {
+            if newest.hash().map_err(|e| e.to_string())? != *requested {
                 return Err("the newest weights are not those of the order".to_owned());
             }
             Some(newest)
@@ -82,8 +82,8 @@ fn played(order: &Order, weights: &mut Receiver) -> Result<Game, String> {
     play(network, &due.patient, due.seed, due.rules, NonZeroUsize::MIN).map_err(|e| e.to_string())
 }
 
-fn say(said: &Said) -> Result<(), Failure> {
-    let line = serde_json::to_string(said).map_err(Failure::failed)?;
+fn say(message: &PlayerMessage) -> Result<(), Failure> {
+    let line = serde_json::to_string(message).map_err(Failure::failed)?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Failure::failed)
 }

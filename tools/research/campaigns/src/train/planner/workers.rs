@@ -11,7 +11,7 @@ use stillpoint_shm::Domain;
 use stillpoint_train::TrainError;
 use stillpoint_train::planner::{Done, Players, not_played};
 
-use super::player::{Order, Said};
+use super::player::{Order, PlayerMessage};
 use super::weights;
 use stillpoint::Failure;
 
@@ -21,8 +21,8 @@ const PATIENCE: usize = 3;
 pub struct Workers {
     players: Vec<Option<Player>>,
     weights: weights::Sender,
-    sender: Sender<Heard>,
-    heard: Receiver<Heard>,
+    sender: Sender<Received>,
+    received: Receiver<Received>,
     /// Number of the next process.
     next: usize,
     domain: Domain,
@@ -31,7 +31,7 @@ pub struct Workers {
 }
 
 /// A line of a process, or none at its end.
-struct Heard {
+struct Received {
     process: usize,
     line: Option<String>,
 }
@@ -51,9 +51,9 @@ impl Workers {
         let folder = RunFolder::create().map_err(Failure::failed)?;
         let domain = Domain::create(&folder.root(), folder.prefix(), "training").map_err(Failure::failed)?;
         let weights = weights::Sender::new(&domain)?;
-        let (sender, heard) = channel();
+        let (sender, received) = channel();
         let players = (0..count.get()).map(|_| None).collect();
-        Ok(Self { players, weights, sender, heard, next: 0, domain, folder })
+        Ok(Self { players, weights, sender, received, next: 0, domain, folder })
     }
 
     fn start(&mut self) -> Result<Player, Failure> {
@@ -73,11 +73,11 @@ impl Workers {
         self.next += 1;
         std::thread::spawn(move || {
             for line in BufReader::new(output).lines().map_while(Result::ok) {
-                if sender.send(Heard { process, line: Some(line) }).is_err() {
+                if sender.send(Received { process, line: Some(line) }).is_err() {
                     return;
                 }
             }
-            let _ = sender.send(Heard { process, line: None });
+            let _ = sender.send(Received { process, line: None });
         });
         Ok(Player { process, child, input, game: None })
     }
@@ -99,15 +99,15 @@ impl Workers {
         }
         let mut left = due.len();
         while left > 0 {
-            let heard = self.heard.recv().map_err(|e| fault(&e))?;
-            let Some(at) = self.place(heard.process) else { continue };
-            match heard.line.map(|line| serde_json::from_str(&line)) {
-                Some(Ok(Said::Ready)) => {
+            let received = self.received.recv().map_err(|e| fault(&e))?;
+            let Some(at) = self.place(received.process) else { continue };
+            match received.line.map(|line| serde_json::from_str(&line)) {
+                Some(Ok(PlayerMessage::Ready)) => {
                     failed_starts = 0;
                     self.weights.connect().map_err(|e| fault(&e.text))?;
                     self.give(at, &mut waiting, due, hash.as_deref());
                 }
-                Some(Ok(Said::Played(game))) => {
+                Some(Ok(PlayerMessage::Played(game))) => {
                     let Some(place) = self.players[at].as_mut().and_then(|player| player.game.take()) else {
                         continue;
                     };
@@ -115,7 +115,7 @@ impl Workers {
                     done(place, *game)?;
                     self.give(at, &mut waiting, due, hash.as_deref());
                 }
-                Some(Ok(Said::Failed(why))) => {
+                Some(Ok(PlayerMessage::Failed(why))) => {
                     let game = self.players[at].as_ref().and_then(|player| player.game);
                     return Err(game.map_or_else(|| fault(&why), |place| not_played(&due[place], &why)));
                 }

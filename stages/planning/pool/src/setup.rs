@@ -74,13 +74,13 @@ impl Names {
 }
 
 /// What a search stands on, with the names of its contents.
-pub struct PoolGround<'a, I: DoseFiles + ?Sized> {
+pub struct PoolSetup<'a, I: DoseFiles + ?Sized> {
     doses: &'a I,
     goals: &'a Goals,
     names: Cow<'a, Names>,
 }
 
-impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
+impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
     /// Of the doses of a ring of `beams` angles. It reads all of them once.
     pub fn new(doses: &'a I, goals: &'a Goals, beams: u16) -> Self {
         Self { doses, goals, names: Cow::Owned(Names::new(doses, goals, beams)) }
@@ -120,14 +120,14 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
     /// Calls for the prices of candidates beside a plan, all with doses; and that plan, by name, as a content.
     pub fn price_calls(
         &self,
-        beside: Option<&Evaluated>,
+        base: Option<&Evaluated>,
         candidates: &[u16],
     ) -> (Vec<Call>, Option<(Hash, Vec<u8>)>) {
-        let plan = beside.map(|beside| answer::of_plan(&beside.plan));
+        let plan = base.map(|base| answer::of_plan(&base.plan));
         let plan = plan.map(|bytes| (Hash::of(&bytes), bytes));
         let call = |shard: &[u16]| Call::Price {
             goals: self.names.goals_hash,
-            beside: plan.as_ref().map(|(hash, _)| *hash),
+            base: plan.as_ref().map(|(hash, _)| *hash),
             candidates: self.of(shard),
         };
         (candidates.chunks(SHARD).map(call).collect(), plan)
@@ -185,8 +185,8 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
                 );
                 Ok(answer::of_plan(&plan.map_err(|e| e.to_string())?))
             }
-            Call::Price { beside, candidates, .. } => {
-                let plan = match beside {
+            Call::Price { base, candidates, .. } => {
+                let plan = match base {
                     Some(hash) => {
                         let bytes = plan.ok_or_else(|| format!("the plan {hash:.16} is not here"))?;
                         Some(

@@ -23,7 +23,7 @@ struct Collector<'a> {
     /// Operator and output of each topic that is wanted.
     topics: BTreeMap<(usize, usize), String>,
     stage: usize,
-    wanted: &'a [u64],
+    requested: &'a [u64],
     found: &'a mut Found,
 }
 
@@ -35,16 +35,16 @@ impl Observer for Collector<'_> {
         outputs: &[(usize, OwnedSample)],
     ) -> Result<(), String> {
         let origin = entry.header.origin;
-        if self.wanted.contains(&origin) {
+        if self.requested.contains(&origin) {
             for (port, owned) in outputs {
                 if let Some(topic) = self.topics.get(&(operator, *port)) {
                     self.found.insert((topic.clone(), origin), (*owned.bytes).clone());
                 }
             }
         }
-        let is_past = operator == self.stage && self.wanted.last().is_none_or(|last| origin >= *last);
-        let said = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
-        if is_past && is_activation(entry) { Err(said()) } else { Ok(()) }
+        let is_past = operator == self.stage && self.requested.last().is_none_or(|last| origin >= *last);
+        let sentence = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
+        if is_past && is_activation(entry) { Err(sentence()) } else { Ok(()) }
     }
 }
 
@@ -52,10 +52,10 @@ impl Observer for Collector<'_> {
 ///
 /// # Errors
 /// The pipeline is not one of this build, or cannot be replayed.
-pub fn made_again(
+pub fn recomputed_views(
     source: &Source<'_>,
     camera: &Camera,
-    wanted: &[u64],
+    requested: &[u64],
     found: &mut Found,
 ) -> Result<(), String> {
     let (graph, files) = source.pipeline.as_ref().map_err(|reason| {
@@ -66,10 +66,10 @@ pub fn made_again(
     let stage = graph.operator(&camera.stage).ok_or("the pipeline has no such operator")?;
     let topics = camera.results.values().chain([&camera.image]);
     let topics = topics.filter_map(|t| Some((graph.topic(t)?, t.clone()))).collect();
-    let mut collector = Collector { graph, topics, stage, wanted, found };
+    let mut collector = Collector { graph, topics, stage, requested, found };
     let _aside = StdoutRedirect::to_stderr();
     match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
-        Err(ReplayError::Observer(said)) if said.starts_with(ENOUGH) => Ok(()),
+        Err(ReplayError::Observer(sentence)) if sentence.starts_with(ENOUGH) => Ok(()),
         Ok(_) => Ok(()),
         Err(e) => Err(e.to_string()),
     }

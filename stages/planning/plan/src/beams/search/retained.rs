@@ -13,7 +13,7 @@ const SHARPNESS: f64 = 1.5;
 
 /// The beams that stay of a set, with every beam that may join them.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct Retained {
     /// Beams that may join, rising.
     pub candidates: Vec<u16>,
     /// Probability of each, by prices and prior.
@@ -22,7 +22,7 @@ pub struct Kept {
     pub priced: Option<(f64, Vec<f64>)>,
 }
 
-impl Kept {
+impl Retained {
     /// From prices and scores with their weights. Without either all candidates are alike.
     pub fn new(
         candidates: Vec<u16>,

@@ -13,7 +13,7 @@ use crate::exit::Failure;
 const VOLUMES_AT_GY: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
 
 /// What plans are made on.
-pub struct Ground {
+pub struct Prepared {
     /// Doses of the beams.
     pub doses: PlanDoses,
     /// Doses at which volumes are told, gray.
@@ -24,7 +24,7 @@ pub struct Ground {
     pub notes: Vec<String>,
 }
 
-impl Ground {
+impl Prepared {
     /// Loads it; doses that are not in the cache are computed, by the pool if there is one.
     pub fn new(request: &Request, pooled: Option<&mut Pooled>) -> Result<Self, Failure> {
         let setup = &request.setup;
@@ -39,7 +39,7 @@ impl Ground {
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = setup.prescribed_gy();
-        let mut notes = setup.aims.notes.clone();
+        let mut notes = setup.objective_set.notes.clone();
         let replaced = doses.solved.replaced();
         notes.extend(replaced.map(|fault| format!("a cached dose was computed again: {fault}")));
         notes.extend(leaving_outline(&setup.case).into_iter().map(|(name, outside_cm3, whole_cm3)| {
@@ -61,7 +61,7 @@ impl Ground {
     }
 
     /// Says what the plan is made on.
-    pub fn tell(&self, request: &Request) {
+    pub fn print_notes(&self, request: &Request) {
         for note in &self.notes {
             outln!("note: {note}");
         }

@@ -9,7 +9,7 @@ use super::{Form, schema};
 
 /// A message beside another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Beside {
+pub(crate) enum Companion {
     /// `sensor_msgs/msg/CameraInfo` of a depth image.
     CameraInfo,
     /// `geometry_msgs/msg/PoseStamped` of a pose.
@@ -18,7 +18,7 @@ pub(crate) enum Beside {
     Transform,
 }
 
-impl Beside {
+impl Companion {
     /// What stands beside samples in this form, whose coordinates are in `frame`.
     pub fn of(form: Form, frame: &str) -> &'static [Self] {
         match form {
@@ -30,10 +30,10 @@ impl Beside {
     }
 
     /// Name of the channel beside a channel of this name.
-    pub fn channel(self, beside: &str) -> String {
+    pub fn channel(self, companion: &str) -> String {
         match self {
-            Self::CameraInfo => format!("{beside}/camera_info"),
-            Self::PoseStamped => format!("{beside}/stamped"),
+            Self::CameraInfo => format!("{companion}/camera_info"),
+            Self::PoseStamped => format!("{companion}/stamped"),
             Self::Transform => "/tf".to_owned(),
         }
     }

@@ -42,7 +42,7 @@ pub enum Fault {
     /// The camera sends no images.
     Silence,
     /// The pose is not finite.
-    Poison,
+    NanInjection,
     /// A burst of datagrams with random bytes.
     Garbage,
     /// Such datagrams without pause, so that every queue on the way is full.
@@ -79,7 +79,7 @@ impl Fault {
         Self::Kill("console"),
         Self::Stop("console"),
         Self::Silence,
-        Self::Poison,
+        Self::NanInjection,
         Self::Garbage,
         Self::Flood,
     ];
@@ -90,7 +90,7 @@ impl Fault {
             Self::Kill(process) => format!("kill-{process}"),
             Self::Stop(process) => format!("stop-{process}"),
             Self::Silence => "silent-camera".to_owned(),
-            Self::Poison => "non-finite-pose".to_owned(),
+            Self::NanInjection => "non-finite-pose".to_owned(),
             Self::Garbage => "garbage".to_owned(),
             Self::Flood => "full-queue".to_owned(),
         }
@@ -99,7 +99,7 @@ impl Fault {
     pub fn due(self) -> Due {
         match self {
             Self::Kill("control" | SUPERVISOR) | Self::Stop("control") => Due::OrdersEnd,
-            Self::Poison => Due::FollowingEnds,
+            Self::NanInjection => Due::FollowingEnds,
             Self::Kill("perception") | Self::Stop("perception") | Self::Silence => Due::PoseStale,
             Self::Flood => Due::GoesOnOrEnds,
             _ => Due::GoesOn,
@@ -121,12 +121,12 @@ impl Fault {
         for (from, to) in CHANGES {
             text = text.replace(from, to);
         }
-        if self == Self::Poison {
-            let poison =
+        if self == Self::NanInjection {
+            let nan_injection =
                 "  poison: { use: bench.poison, inputs: { state: filter.state, said: console.fault } }\n";
             text = text
                 .replace("state: filter.state", "state: poison.state")
-                .replace("operators:\n", &format!("operators:\n{poison}"))
+                .replace("operators:\n", &format!("operators:\n{nan_injection}"))
                 .replace("far_acknowledgement, target,", "far_acknowledgement, poison, target,");
         }
         text.replace("rig.truth,", "rig.truth, far.duties,")
@@ -144,7 +144,7 @@ impl Fault {
             Self::Stop(process) => run.signal(process, Signal::STOP)?,
             Self::Silence => return say(f64::from(RigFault::SilentCamera as u32)),
             // `bench.poison` acts on any command. This one ends the faults of the rig, which has none.
-            Self::Poison => return say(0.0),
+            Self::NanInjection => return say(0.0),
             Self::Garbage => {
                 let mut noise = Noise::to(valves)?;
                 (0..BURST).try_for_each(|length| noise.send(length % 200))?;
@@ -226,7 +226,7 @@ impl Trial {
             Fault::Stop("perception") | Fault::Silence => {
                 e.reasons & (Reason::POSE_STALE | Reason::NO_POSE) != 0
             }
-            Fault::Poison => e.reasons & (Reason::POSE_NOT_FINITE | Reason::COMMAND_NOT_FINITE) != 0,
+            Fault::NanInjection => e.reasons & (Reason::POSE_NOT_FINITE | Reason::COMMAND_NOT_FINITE) != 0,
             Fault::Garbage | Fault::Flood => e.refused > 0,
             // The other stops have no effect on the valves, so the session need not state a cause.
             Fault::Stop(_) => true,

@@ -5,14 +5,14 @@ use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupErr
 use stillpoint_samples::{ConsoleCommand, Sample, Track};
 
 const STATE: usize = 0;
-const SAID: usize = 1;
+const SENT: usize = 1;
 
 /// Forwards tracks. From the first command on their position is NaN.
-pub struct Poison {
+pub struct NanInjection {
     acts: bool,
 }
 
-impl Operator for Poison {
+impl Operator for NanInjection {
     type Params = ();
     const KIND: Kind = Kind {
         name: "bench.poison",
@@ -48,7 +48,7 @@ impl Operator for Poison {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        self.acts |= activation.fresh::<ConsoleCommand>(SAID).is_some();
+        self.acts |= activation.fresh::<ConsoleCommand>(SENT).is_some();
         let Some(view) = activation.fresh::<Track>(STATE) else { return Ok(()) };
         let Some(mut track) = view.first().copied() else { return Ok(()) };
         if self.acts {
@@ -59,4 +59,4 @@ impl Operator for Poison {
 }
 
 /// Entry of `bench.poison` in the list of kinds.
-pub const STAGE: Stage = Stage::of::<Poison>();
+pub const STAGE: Stage = Stage::of::<NanInjection>();

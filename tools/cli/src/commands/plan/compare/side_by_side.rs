@@ -12,12 +12,12 @@ use super::compared::Compared;
 use crate::exit::Failure;
 
 /// Two plans of one case.
-pub struct Beside<'a> {
+pub struct SideBySide<'a> {
     /// The plans.
     pub plans: &'a [Compared; 2],
 }
 
-impl<'a> Beside<'a> {
+impl<'a> SideBySide<'a> {
     /// Of plans of one case alone.
     pub fn new(plans: &'a [Compared; 2]) -> Result<Self, Failure> {
         let [a, b] = plans;
@@ -48,7 +48,7 @@ impl<'a> Beside<'a> {
     /// Whether the values of both objectives can be compared.
     pub fn is_of_the_same_objectives(&self) -> bool {
         let [a, b] = self.plans;
-        a.file.wanted == b.file.wanted
+        a.file.requested == b.file.requested
     }
 
     /// What must be known to compare the plans.
@@ -135,10 +135,10 @@ impl<'a> Beside<'a> {
     }
 
     /// The limits of both plans, those of one limit at one place; limits that only one plan has are at the end.
-    pub fn limits(&self) -> [parts::Beside; 2] {
+    pub fn limits(&self) -> [parts::SideBySide; 2] {
         let [a, b] = [&self.plans[0], &self.plans[1]].map(|plan| plan.limits());
         let same = |x: &Judged, y: &Judged| x.structure == y.structure && x.limit == y.limit;
-        let mut columns: [parts::Beside; 2] = [Vec::new(), Vec::new()];
+        let mut columns: [parts::SideBySide; 2] = [Vec::new(), Vec::new()];
         for judged in a {
             columns[0].push(Some(judged.clone()));
             columns[1].push(b.iter().find(|other| same(judged, other)).cloned());

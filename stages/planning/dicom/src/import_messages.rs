@@ -9,8 +9,8 @@ const DIFFERENT: f64 = 0.05;
 
 /// The sentences for this structure.
 pub(crate) fn sentences(name: &str, drawn: &Drawn, lines: usize) -> Vec<String> {
-    let mut told = Vec::new();
-    let mut say = |text: String| told.push(format!("{name:?}: {text}"));
+    let mut texts = Vec::new();
+    let mut say = |text: String| texts.push(format!("{name:?}: {text}"));
     let Drawn { mask_cm3, exclusive_cm3, repeated, overlapping, distance_mm, thickness_mm, .. } = *drawn;
     if lines > 0 {
         say(format!("{lines} contours are points or open lines and hold no volume"));
@@ -40,7 +40,7 @@ pub(crate) fn sentences(name: &str, drawn: &Drawn, lines: usize) -> Vec<String> 
     {
         say(gap_text(*first, *last, drawn.gaps_mm.len(), drawn));
     }
-    finish(told, name, drawn)
+    finish(texts, name, drawn)
 }
 
 fn gap_text(first: [f64; 2], last: [f64; 2], count: usize, drawn: &Drawn) -> String {
@@ -55,18 +55,18 @@ fn gap_text(first: [f64; 2], last: [f64; 2], count: usize, drawn: &Drawn) -> Str
 }
 
 /// The rest: planes that no slice takes, and voxels that hold another volume than the contours.
-fn finish(mut told: Vec<String>, name: &str, drawn: &Drawn) -> Vec<String> {
+fn finish(mut texts: Vec<String>, name: &str, drawn: &Drawn) -> Vec<String> {
     let inside_cm3 = drawn.drawn_cm3 - drawn.beyond.volume_cm3;
     if drawn.skipped > 0 {
-        told.push(format!(
+        texts.push(format!(
             "{name:?}: {} planes of contours lie closer than the images and are left out: {:.2} cm3 (with them {inside_cm3:.2} cm3)",
             drawn.skipped, drawn.mask_cm3
         ));
     } else if (drawn.mask_cm3 - inside_cm3).abs() > DIFFERENT * inside_cm3 && drawn.mask_cm3 > 0.0 {
-        told.push(format!(
+        texts.push(format!(
             "{name:?}: its contours hold {inside_cm3:.2} cm3, its voxels {:.2} cm3: it is small for the images' voxels, or lies at the end of the images",
             drawn.mask_cm3
         ));
     }
-    told
+    texts
 }

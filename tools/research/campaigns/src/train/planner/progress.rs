@@ -2,7 +2,7 @@
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use stillpoint_report::chart::{Chart, Series, Style};
-use stillpoint_train::planner::{Pass, Schedule, Summary, Told};
+use stillpoint_train::planner::{Pass, Schedule, Summary, Progress};
 
 use stillpoint::Failure;
 
@@ -31,27 +31,27 @@ impl Bars {
         })
     }
 
-    pub fn tell(&self, told: Told) {
+    pub fn report(&self, reported: Progress) {
         let show = |bar: &ProgressBar, at: usize, of: usize| {
             bar.set_length(of as u64);
             bar.set_position(at as u64);
         };
-        match told {
-            Told::Game(at, of) => show(&self.games, at, of),
-            Told::Features(at, of) => show(&self.features, at, of),
-            Told::Pass(pass) => {
+        match reported {
+            Progress::Game(at, of) => show(&self.games, at, of),
+            Progress::Features(at, of) => show(&self.features, at, of),
+            Progress::Pass(pass) => {
                 self.passes.set_position(pass.number as u64);
                 self.passes
                     .set_message(format!("loss {:.4}, validation {:.4}", pass.training, pass.validation));
             }
-            Told::Strength(rounds, summary) => {
+            Progress::Strength(rounds, summary) => {
                 let text = format!(
                     "after {rounds} rounds: the first set of the network is {:.1} % above the best known, the best of five {:.1} %",
                     summary.model_1, summary.model_5
                 );
                 self.passes.suspend(|| errln!("{text}"));
             }
-            Told::Doubt(names) => self.passes.suspend(|| {
+            Progress::Doubt(names) => self.passes.suspend(|| {
                 errln!(
                     "pool: the training begins again without these games of a worker that was shut out: {}",
                     names.join(", ")
@@ -105,5 +105,5 @@ pub fn strength(rounds: &[Summary]) -> Result<String, Failure> {
             series("best rotation of equal beams, 18 solves", |s| s.rotation, Style::Dashed),
         ],
     };
-    chart.svg_with_legend_beside(860, 400, &[0, 1, 2]).map_err(Failure::failed)
+    chart.svg_with_legend_aside(860, 400, &[0, 1, 2]).map_err(Failure::failed)
 }

@@ -68,16 +68,16 @@ impl ImageParams {
 }
 
 /// A camera over a head in its setting.
-pub struct Sight {
+pub struct CameraView {
     renderer: Renderer,
     sensor: DepthSensor,
     intrinsics: Intrinsics,
     is_frozen: bool,
     /// The image that a frozen camera sends; empty before its first.
-    kept: Vec<u16>,
+    retained: Vec<u16>,
 }
 
-impl Sight {
+impl CameraView {
     /// The camera whose place is the frame of output 0, over a head of this scale.
     ///
     /// # Errors
@@ -115,7 +115,7 @@ impl Sight {
                 length: width * height,
             },
             is_frozen: false,
-            kept: Vec::new(),
+            retained: Vec::new(),
         })
     }
 
@@ -123,7 +123,7 @@ impl Sight {
     pub fn freeze(&mut self, is_frozen: bool) {
         self.is_frozen = is_frozen;
         if !is_frozen {
-            self.kept.clear();
+            self.retained.clear();
         }
     }
 
@@ -141,14 +141,14 @@ impl Sight {
         let pixels = self.intrinsics.length as usize;
         let mut image = outputs.open::<DepthImage>(port, pixels)?;
         *image.body() = self.intrinsics;
-        if !self.kept.is_empty() {
-            image.elements().copy_from_slice(&self.kept);
+        if !self.retained.is_empty() {
+            image.elements().copy_from_slice(&self.retained);
             return image.finish(pixels);
         }
         let view = self.renderer.render(couch_from_head).map_err(failure)?;
         self.sensor.sense(view, &mut activation.random(), image.elements()).map_err(failure)?;
         if self.is_frozen {
-            self.kept.extend_from_slice(image.elements());
+            self.retained.extend_from_slice(image.elements());
         }
         image.finish(pixels)
     }
