@@ -172,7 +172,7 @@ impl Operator for Console {
                 name: "refused",
                 sample: Rejection::KIND,
                 frame: FrameRule::None,
-                about: "Why a command of the script was said again; `found` is how often it was said.",
+                about: "Why a command of the script was repeated; `found` is how often it was sent.",
             },
         ],
         timer: Timer::Required,
@@ -232,7 +232,7 @@ impl Operator for Console {
         {
             if now >= waiting.repeats {
                 let (verb, times) = (waiting.line.issued.verb(), waiting.times);
-                let reason = format!("{} said again: {why}", verb.word());
+                let reason = format!("{} repeated: {why}", verb.word());
                 outputs.send::<Rejection>(
                     REFUSED,
                     &RejectionElement::new(verb as u32, &reason, f64::from(times), 0.0),

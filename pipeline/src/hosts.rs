@@ -16,7 +16,7 @@ pub fn endpoint_fault(text: &str, has_tls: bool) -> Option<(String, &'static str
     let stands = matches!(scheme, "tcp" | "tls") && is_address(rest);
     if !stands {
         return Some((
-            format!("{} is no endpoint", shown(text)),
+            format!("{} is not an endpoint", shown(text)),
             "write `tcp/ADDRESS:PORT` or, with a certificate, `tls/ADDRESS:PORT`, for example `tls/10.0.0.7:7447`; the \
              next port is used, too",
         ));

@@ -81,11 +81,11 @@ impl fmt::Display for Gap {
                 f.write_str("this is not a session of stillpoint: nothing says what should be there")
             }
             Self::Damaged { part, offset, what } => {
-                write!(f, "{}: what stands at offset {offset} is damaged: {what}", part.display())
+                write!(f, "{}: what is at offset {offset} is damaged: {what}", part.display())
             }
             Self::Lost(l) => write!(
                 f,
-                "`{}`, incarnation {}: {} samples from {} on were not kept",
+                "`{}`, incarnation {}: {} samples from {} on were not recorded",
                 l.topic, l.incarnation, l.count, l.first
             ),
             Self::Unlisted(l) => write!(
@@ -201,7 +201,7 @@ fn open_ends(session: &Session) -> Vec<Gap> {
             let begun = last.map_or(0, |((_, i, _), _)| i.saturating_add(1));
             if let Some((&(_, later, _), _)) = next.filter(|((_, i, _), _)| *i > begun) {
                 gaps.push(Gap::Stated(format!(
-                    "`{}`, incarnation {begun} to {}: entries may not have been kept, since the recorder died",
+                    "`{}`, incarnation {begun} to {}: entries may not have been recorded, since the recorder died",
                     t.name,
                     later - 1
                 )));
@@ -214,7 +214,7 @@ fn open_ends(session: &Session) -> Vec<Gap> {
             });
             if !goes_on && !ended {
                 gaps.push(Gap::Stated(format!(
-                    "`{}`, incarnation {incarnation}: entries behind number {sequence} may not have been kept, since the \
+                    "`{}`, incarnation {incarnation}: entries behind number {sequence} may not have been recorded, since the \
                      recorder died",
                     t.name
                 )));

@@ -21,7 +21,7 @@ pub enum SessionError {
         cause: io::Error,
     },
     /// A folder without a part.
-    #[error("{path}: no part-000.mcap is in this folder, so it is no session")]
+    #[error("{path}: no part-000.mcap is in this folder, so it is not a session")]
     NoParts {
         /// The folder.
         path: PathBuf,
@@ -36,7 +36,7 @@ pub enum SessionError {
     },
     /// Another kind of file.
     #[error(
-        "{path}: this is no MCAP file (its first 8 bytes are not MCAP's): give a session's folder or a part of one"
+        "{path}: this is not an MCAP file (its first 8 bytes are not MCAP's): give a session's folder or a part of one"
     )]
     NotMcap {
         /// The file.

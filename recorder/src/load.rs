@@ -178,7 +178,7 @@ impl Session {
                             return Ok(());
                         }
                         return Err(format!(
-                            "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
+                            "sample {sequence} of `{topic}`, incarnation {incarnation}, is there twice"
                         ));
                     }
                     let topic = &channel.topic;

@@ -131,7 +131,7 @@ impl Mapping {
         pairs.for_each(|(from, to)| shift(&self.element, from, to));
         Pieces { meta: &meta, payload: &payload }.check(ours).map_err(|e| e.to_string())?;
         if reader.rest() > 0 {
-            return Err(format!("{} bytes stand behind its last element", reader.rest()));
+            return Err(format!("{} bytes follow its last element", reader.rest()));
         }
         Ok(Decoded { meta: meta.into(), payload: payload.into() })
     }

@@ -70,7 +70,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "kept {} messages, {} attachments and {} metadata records; dropped {} journal entries without their \
+            "recovered {} messages, {} attachments and {} metadata records; dropped {} journal entries without their \
              inputs, {} samples without their journal entry, {} damaged places and the last {} of {} bytes",
             self.messages,
             self.attachments,
@@ -82,7 +82,7 @@ impl fmt::Display for Report {
             self.bytes
         )?;
         match &self.retained {
-            Some(retained) => write!(f, "; the part as it was is kept as {}", retained.display()),
+            Some(retained) => write!(f, "; the original part is stored as {}", retained.display()),
             None => Ok(()),
         }
     }

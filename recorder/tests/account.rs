@@ -135,7 +135,7 @@ fn a_sample_that_the_next_part_holds_with_other_bytes_is_damage() {
     let second = part(Role::Source, &[1, 2, 3], &[]).finish(&Closing::default()).unwrap();
     let session = open(vec![cut(&[0, 1, 2], 9), second]);
     let Completeness::Gaps(gaps) = session.completeness() else { panic!("two samples of one name") };
-    let twice = gaps.iter().filter(|g| g.to_string().contains("incarnation 0, stands there twice")).count();
+    let twice = gaps.iter().filter(|g| g.to_string().contains("incarnation 0, is there twice")).count();
     assert_eq!(twice, 2, "{gaps:?}");
 }
 

@@ -41,7 +41,7 @@ def flat(v):
     if hasattr(v, 'tolist'): return flat(v.tolist())
     if isinstance(v, (list, tuple)): return [t for x in v for t in flat(x)]
     names = [f.name for f in fields(v)] if is_dataclass(v) else v.__slots__
-    # Constants of a message, in capitals, are no fields.
+    # Constants of a message, in capitals, are not fields.
     slots = [s for s in names if not s.startswith('_') and not s.isupper()]
     return [t for s in slots for t in flat(getattr(v, s))]
 

@@ -126,7 +126,7 @@ fn record_camera(run: &stillpoint_testing::Run, path: &Path) -> Result<(), Box<d
             let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
             let mut data = Vec::new();
             if !message.encode(DepthImage::KIND, &sample, "camera_depth_optical_frame", "", &mut data) {
-                return Err("a frame is no message".into());
+                return Err("a frame is not a message".into());
             }
             let time = owned.header().stamp;
             let header = mcap::records::MessageHeader {

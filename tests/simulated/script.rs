@@ -83,7 +83,7 @@ fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() 
     for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
         let text = real.replacen("body: waived", waived, 1);
         let output_text = faults(&text);
-        let acts = "acts on it, and `cloud`, which `face` sees through, is no simulated rig";
+        let acts = "acts on it, and `cloud`, which `face` sees through, is not a simulated rig";
         assert!(output_text.contains(acts), "{waived}: {output_text}");
         // A session of it can be replayed.
         assert!(check(&text, "x.yaml", &[], &registry(), &files).is_ok(), "{waived}");
@@ -132,7 +132,7 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     let output_text = faults(&real);
     assert!(
         output_text.contains(
-            "`head` sees through `cloud`, which is no simulated rig, and a script confirms its reference"
+            "`head` sees through `cloud`, which is not a simulated rig, and a script confirms its reference"
         ),
         "{output_text}"
     );
@@ -145,7 +145,7 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     };
     assert_eq!(faults(&accepting(&default)), "");
     let output_text = faults(&accepting(&real));
-    let unseen = "`plans` sees through `cloud`, which is no simulated rig, and a script accepts its plan";
+    let unseen = "`plans` sees through `cloud`, which is not a simulated rig, and a script accepts its plan";
     assert!(output_text.contains(unseen), "{output_text}");
     let person = real.replacen("{ at: 1 s, say: confirm, repeat: 500 ms }, ", "", 1);
     assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));

@@ -40,7 +40,9 @@ impl Operator for Fragile {
 
     fn new(params: FragileParams, _: &Setup<'_>) -> Result<Self, SetupError> {
         match params.route {
-            Interruption::Error => Err(SetupError("the kit's model has 3 layers, but 4 are due".to_string())),
+            Interruption::Error => {
+                Err(SetupError("the kit's model has 3 layers, but 4 are expected".to_string()))
+            }
             Interruption::Panic => panic!("the kit panics while it is made"),
             Interruption::Hang => loop {
                 std::thread::sleep(std::time::Duration::from_secs(1));

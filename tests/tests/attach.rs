@@ -16,8 +16,8 @@ fn a_command_arrives_is_recorded_and_replays() {
     let target = bench.call(&["send", "console.target", "0.01", "-0.02", "0.5"]);
     assert_eq!(target.code(), 0, "{}", target.err);
     for (console, hint) in [
-        ("nope.arm", "`nope` is no console of this pipeline: write `console.arm`"),
-        ("beat.arm", "`beat` is no console of this pipeline: write `console.arm`"),
+        ("nope.arm", "`nope` is not a console of this pipeline: write `console.arm`"),
+        ("beat.arm", "`beat` is not a console of this pipeline: write `console.arm`"),
     ] {
         let none = bench.call(&["send", console]);
         assert!(none.code() == 2 && none.err.contains(hint), "{}", none.err);

@@ -187,7 +187,7 @@ fn ctrl_c_ends_a_run_whose_step_never_comes_back() {
     let done = run.stop();
     assert_eq!(done.code(), 1, "{}", done.err);
     let report = done.json();
-    assert_eq!(report["ended_early"], "stuck did not stop when told, and was killed");
+    assert_eq!(report["ended_early"], "stuck did not stop on request, and was killed");
     assert_eq!(report["balanced"], true);
     bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
 }
@@ -203,11 +203,11 @@ fn who_hastens_the_end_of_a_worker_that_hangs_leaves_the_recorder_its_time() {
         (!lives(stuck)).then_some(())
     });
     let report = run.finish().json();
-    assert_eq!(report["ended_early"], "stuck did not stop when told, and was killed");
+    assert_eq!(report["ended_early"], "stuck did not stop on request, and was killed");
     assert_eq!((&report["recording_failed"], &report["balanced"]), (&json!(null), &json!(true)));
     let session = report["session"].as_str().unwrap();
     let info = bench.call(&["info", session, "--json"]).good();
-    assert_eq!(info["ended"], "early: stuck did not stop when told, and was killed");
+    assert_eq!(info["ended"], "early: stuck did not stop on request, and was killed");
     bench.call(&["replay", session, "--json"]).good();
 }
 
@@ -360,7 +360,7 @@ fn a_folder_of_runs_that_others_could_use_is_refused() {
     std::fs::rename(&open, &real).unwrap();
     std::os::unix::fs::symlink(&real, &open).unwrap();
     let done = bench.call(&["run", text(&file), "--for", "1 s"]);
-    assert!(done.err.contains("it is no folder; remove it"), "{}", done.err);
+    assert!(done.err.contains("it is not a folder; remove it"), "{}", done.err);
     std::fs::remove_file(&open).unwrap();
     std::fs::rename(&real, &open).unwrap();
     if rustix::process::getuid().is_root() {

@@ -56,6 +56,7 @@ mod tampered;
 mod traps;
 mod unheard;
 mod wire;
+mod words;
 
 /// The program that a [`bench::Bench`] runs.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_stillpoint-kit");

@@ -293,5 +293,5 @@ fn an_operator_that_this_build_cannot_make_is_no_gap_of_the_session() {
     });
     let done = bench.call(&["replay", text(&tampered)]);
     assert_eq!(done.code(), 1, "{}", done.out);
-    assert!(done.err.contains("the kit's model has 3 layers, but 4 are due"), "{}", done.err);
+    assert!(done.err.contains("the kit's model has 3 layers, but 4 are expected"), "{}", done.err);
 }

@@ -93,7 +93,7 @@ pub enum BeatError {
     #[error("a beat of {0} bytes is longer than {LONGEST}")]
     TooLong(usize),
     /// It is not written as one.
-    #[error("it is no beat: {0}")]
+    #[error("it is not a beat: {0}")]
     Malformed(String),
     /// Another version of the protocol.
     #[error(

@@ -7,7 +7,7 @@ use crate::{Role, TlsError};
 pub enum RemoteError {
     /// An endpoint is not written as one.
     #[error(
-        "`{0}` is no endpoint: write `tcp/ADDRESS:PORT` or `tls/ADDRESS:PORT` with a port from 1 to 65534, for example `tcp/10.0.0.7:7447`"
+        "`{0}` is not an endpoint: write `tcp/ADDRESS:PORT` or `tls/ADDRESS:PORT` with a port from 1 to 65534, for example `tcp/10.0.0.7:7447`"
     )]
     Endpoint(String),
     /// Endpoints beside that of a router.

@@ -42,7 +42,8 @@ mod tests {
 
     #[test]
     fn each_difference_is_named() {
-        let here = HostIdentity { pipeline: "a".into(), hash: "1".into(), version: "2".into(), cpu: "3".into() };
+        let here =
+            HostIdentity { pipeline: "a".into(), hash: "1".into(), version: "2".into(), cpu: "3".into() };
         assert!(here.differences(&here).is_empty());
         let there = HostIdentity { hash: "9".into(), cpu: "8".into(), ..here.clone() };
         let reported = here.differences(&there);

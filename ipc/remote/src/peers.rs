@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use stillpoint_transport::{LinkState, LinkRefusal};
+use stillpoint_transport::{LinkRefusal, LinkState};
 
 use crate::beat::{BeatError, MOST_PEERS, Sends};
 use crate::clocks::Offsets;

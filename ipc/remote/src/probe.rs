@@ -33,7 +33,7 @@ pub fn probe(address: &str, tls: Option<&Tls>) -> Answer {
         Some(tls) => Ok(tls.client.clone()),
         None => plain(),
     };
-    let absent = |e: String| Answer::Absent(format!("nobody answers at {address}: {e}"));
+    let absent = |e: String| Answer::Absent(format!("no answer from {address}: {e}"));
     let place = match address.to_socket_addrs().map(|mut a| a.next()) {
         Ok(Some(place)) => place,
         Ok(None) => return absent("the name has no address".to_owned()),
@@ -50,7 +50,7 @@ pub fn probe(address: &str, tls: Option<&Tls>) -> Answer {
     };
     let host = address.rsplit_once(':').map_or(address, |(host, _)| host).trim_matches(['[', ']']);
     let Ok(name) = ServerName::try_from(host.to_owned()) else {
-        return absent("it is no name of a host".to_owned());
+        return absent("it is not a name of a host".to_owned());
     };
     let mut connection = match config.and_then(|config| ClientConnection::new(config, name)) {
         Ok(connection) => connection,
@@ -103,7 +103,7 @@ fn with_certificate(address: &str, connection: &ClientConnection, end: End) -> A
         // It waits for the first message of zenoh.
         End::Silence | End::Closed if !connection.is_handshaking() => Answer::Taken,
         End::Silence | End::Closed => refused(
-            "the other end does not speak TLS: it needs endpoints `tls/...` and a certificate, or is no program of stillpoint"
+            "the other end does not speak TLS: it needs endpoints `tls/...` and a certificate, or is not a program of stillpoint"
                 .to_owned(),
         ),
         End::Fault(Error::AlertReceived(alert)) => refused(alerted(alert)),

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use stillpoint_samples::{HEADER_SIZE, Pieces, SampleKind};
-use stillpoint_transport::{LinkState, Origin, Receiver, LinkRefusal, TransportError};
+use stillpoint_transport::{LinkRefusal, LinkState, Origin, Receiver, TransportError};
 use zenoh::pubsub::Subscriber;
 use zerocopy::IntoBytes;
 
@@ -201,7 +201,9 @@ impl Incoming {
                     arrived.waiting.push_back(whole);
                     None
                 }
-                Err(error) => Some(LinkRefusal::Other(format!("host `{host}` sends what is no sample: {error}"))),
+                Err(error) => Some(LinkRefusal::Other(format!(
+                    "host `{host}` sends something that is not a sample: {error}"
+                ))),
             }
         };
         match refusal {

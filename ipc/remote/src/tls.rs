@@ -56,7 +56,7 @@ pub enum TlsError {
     },
     /// Others may read a key.
     #[error(
-        "others than its owner may read the key {} (mode {mode:o}), so it is not used: make a new one, or run `chmod 600` if nobody has read it",
+        "others than its owner may read the key {} (mode {mode:o}), so it is not used: make a new one, or run `chmod 600` if no other person has read it",
         file.display()
     )]
     Open {
@@ -87,7 +87,7 @@ pub enum TlsError {
     },
     /// A role that is not known.
     #[error(
-        "the certificate {} has the common name `{found}`, which is no role: it must be one of {}", file.display(), Role::list()
+        "the certificate {} has the common name `{found}`, which is not a role: it must be one of {}", file.display(), Role::list()
     )]
     Role {
         /// The file.
@@ -120,7 +120,7 @@ fn read(what: &'static str, file: &Path) -> Result<(Vec<u8>, Metadata), TlsError
     let mut opened = fs::File::open(file).map_err(|e| failed(e.to_string()))?;
     let metadata = opened.metadata().map_err(|e| failed(e.to_string()))?;
     if !metadata.is_file() || metadata.len() > LONGEST {
-        return Err(failed(format!("it is no file, or longer than {LONGEST} bytes")));
+        return Err(failed(format!("it is not a file, or longer than {LONGEST} bytes")));
     }
     let mut bytes = Vec::new();
     std::io::Read::read_to_end(&mut opened, &mut bytes).map_err(|e| failed(e.to_string()))?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
-use stillpoint_remote::{Endpoints, Host, HostSettings, HostIdentity, Remote};
+use stillpoint_remote::{Endpoints, Host, HostIdentity, HostSettings, Remote};
 use stillpoint_samples::{AlignedBytes, Datagram, Header, Pieces, Sample};
 use stillpoint_transport::{Carries, Channel, Receiver, Sender, Transport, TransportError};
 use zerocopy::IntoBytes;

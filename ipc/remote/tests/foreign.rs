@@ -11,7 +11,12 @@ fn beat() -> Beat {
         host: "bedside".into(),
         incarnation: 7,
         number: 1,
-        identity: HostIdentity { pipeline: "p".into(), hash: "h".into(), version: "v".into(), cpu: "c".into() },
+        identity: HostIdentity {
+            pipeline: "p".into(),
+            hash: "h".into(),
+            version: "v".into(),
+            cpu: "c".into(),
+        },
         at: 5,
         seen: vec![Seen {
             host: "cluster".into(),

@@ -12,10 +12,10 @@ const GID: usize = 16;
 #[non_exhaustive]
 pub enum AttachmentError {
     /// It has another length.
-    #[error("it has {0} bytes where {SIZE} are due")]
+    #[error("it has {0} bytes where {SIZE} are expected")]
     Size(usize),
     /// The identity has another length.
-    #[error("the identity of its sender has {0} bytes where {GID} are due")]
+    #[error("the identity of its sender has {0} bytes where {GID} are expected")]
     Gid(u8),
     /// Its number or its time is negative.
     #[error("its number {sequence} or its time {time} ns is negative")]

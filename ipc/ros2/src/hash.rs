@@ -38,7 +38,7 @@ const SEQUENCE: u32 = 144;
 #[non_exhaustive]
 pub enum DescriptionError {
     /// A line is no field.
-    #[error("`{0}` is no field")]
+    #[error("`{0}` is not a field")]
     Line(String),
     /// A type that a field has is not described.
     #[error("the type `{0}` is not described")]

@@ -16,7 +16,7 @@ pub enum NameError {
     #[error("it has {0} characters, at most {LONGEST} are allowed")]
     Long(usize),
     /// A part of it is no name.
-    #[error("its part `{0}` is no name: letters, digits and `_`, and no digit first")]
+    #[error("its part `{0}` is not a name: letters, digits and `_`, and no digit first")]
     Part(String),
 }
 

@@ -41,6 +41,6 @@ impl Sample for DepthImage {
     type Element = u16;
     const NAME: &'static str = "DepthImage";
     const SHAPE: Shape = Shape::Slice;
-    const ABOUT: &'static str = "Depth along the optical axis in counts of depth_unit; 0 is no reading.";
+    const ABOUT: &'static str = "Depth along the optical axis in counts of depth_unit; 0 is not a reading.";
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }

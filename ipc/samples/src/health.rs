@@ -59,6 +59,6 @@ impl Sample for Health {
     type Element = SensorHealth;
     const NAME: &'static str = "Health";
     const SHAPE: Shape = Shape::Slice;
-    const ABOUT: &'static str = "Which sensors stand behind an estimate, and why others do not.";
+    const ABOUT: &'static str = "Which sensors support an estimate, and why others do not.";
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }

@@ -147,15 +147,13 @@ impl PlanRefusal {
             Self::Case => "the request names another case",
             Self::Beams => "a plan cannot have that many beams",
             Self::Budget => "the budget of solves is zero or too large",
-            Self::Pose => "the set-up is no rigid motion of finite numbers",
+            Self::Pose => "the set-up is not a rigid motion of finite numbers",
             Self::Turn => "the patient is turned too far: doses are computed for shifts only",
             Self::Shift => "the patient has moved beyond the reach of the bixels",
             Self::Bixels => "the plan can have more bixels than an update holds",
             Self::Accept => "no finished plan is offered for the accepted request",
             Self::Pool => "no worker of the planning pool was there for the time of patience",
-            Self::Doubt => {
-                "the standing plan has answers of a worker that was shut out, and stands no longer"
-            }
+            Self::Doubt => "the current plan has answers of a worker that was excluded, and is withdrawn",
         }
     }
 }

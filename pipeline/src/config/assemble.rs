@@ -153,7 +153,7 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
             findings.say(
                 topic.span,
                 Code::DuplicateName,
-                format!("{} stands twice in the list", shown(&name)),
+                format!("{} is listed twice", shown(&name)),
                 "remove one of them",
             );
         } else {

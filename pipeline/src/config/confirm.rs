@@ -69,7 +69,7 @@ pub fn check<'a>(
                 span,
                 Code::OutOfRange,
                 format!(
-                    "{} sees through {}, which is no simulated rig, and {what}: nobody has looked at it",
+                    "{} sees through {}, which is not a simulated rig, and {what}: no person has looked at it",
                     shown(&parsed.name.value),
                     shown(&document.operators[camera].name.value)
                 ),

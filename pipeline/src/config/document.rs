@@ -87,7 +87,7 @@ fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {
         findings.say(
             entry.value.span,
             Code::WrongVersion,
-            format!("{} is no version that this build reads", shown(text)),
+            format!("{} is not a version that this build reads", shown(text)),
             format!("write `stillpoint: {VERSION}`"),
         );
     }

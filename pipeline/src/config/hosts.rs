@@ -50,7 +50,7 @@ pub fn check(
                 ),
                 None if may_be_link(edge) => (
                     format!(
-                        "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
+                        "`{name}` runs on the host `{here}`, but this comes from `{there}` and is not a link"
                     ),
                     format!(
                         "add `{}.{}` to `links`, or list both hosts under `hosts`",

@@ -34,7 +34,7 @@ pub fn check<'a>(
         let by_size = resolved["rule"] == "largest";
         let waived: Vec<&str> = [
             ("`rule: largest` takes the largest thing for the head", by_size),
-            ("`body: waived` asks for no body beside the head", !by_size && *body == "waived"),
+            ("`body: waived` asks for no body next to the head", !by_size && *body == "waived"),
             ("`region: { need: waived }` takes a head anywhere", !by_size && *region == "waived"),
         ]
         .into_iter()
@@ -63,12 +63,12 @@ pub fn check<'a>(
                 span,
                 Code::OutOfRange,
                 format!(
-                    "{what}, {} acts on it, and {}, which {} sees through, is no simulated rig",
+                    "{what}, {} acts on it, and {}, which {} sees through, is not a simulated rig",
                     shown(&document.operators[actor].name.value),
                     shown(&document.operators[camera].name.value),
                     shown(name)
                 ),
-                "remove it: only a head that is told from all else may hold valves and a beam",
+                "remove it: only a head that is distinguished from all else may hold valves and a beam",
             );
         }
     }

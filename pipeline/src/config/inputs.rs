@@ -191,7 +191,7 @@ pub fn topic_at(text: &str, span: Span, findings: &Findings) -> Option<Marked<To
             findings.say(
                 span,
                 Code::WrongShape,
-                format!("{} is no topic: a topic is `operator.port`", shown(text)),
+                format!("{} is not a topic: a topic is `operator.port`", shown(text)),
                 format!(
                     "write `{}.port` with the name of the output",
                     if name.is_empty() { "operator" } else { name }

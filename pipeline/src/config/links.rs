@@ -132,7 +132,7 @@ pub fn check_taken(document: &Document<'_>, wired: &[Wired], findings: &Findings
             findings.say(
                 span,
                 Code::UnknownTopic,
-                format!("nobody takes `{}.{}`, so the link leads nowhere", operator.value, port.value),
+                format!("no operator takes `{}.{}`, so the link leads nowhere", operator.value, port.value),
                 "connect an input to it, or remove the link",
             );
         }
@@ -155,7 +155,7 @@ fn address(entry: &Entry, findings: &Findings) -> Option<SocketAddr> {
         findings.say(
             node.span,
             Code::WrongShape,
-            format!("{} is no address with a port", shown(text)),
+            format!("{} is not an address with a port", shown(text)),
             "write the numbers of both, for example `127.0.0.1:5005`",
         );
     }

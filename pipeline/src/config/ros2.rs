@@ -102,7 +102,7 @@ fn publication(
                 Err(reason) => findings.say(
                     topic.span,
                     Code::BadName,
-                    format!("there can be no `camera_info` beside {}: {reason}", topic.value.as_str()),
+                    format!("there can be no `camera_info` next to {}: {reason}", topic.value.as_str()),
                     "shorten the name",
                 ),
             }
@@ -160,7 +160,7 @@ fn message(
     findings.say(
         asked.span,
         Code::UnknownChoice,
-        format!("{} is no message that says a {kind}", shown(&asked.value)),
+        format!("{} does not carry a {kind}", shown(&asked.value)),
         help,
     );
     None
@@ -182,7 +182,7 @@ fn no_topic_twice(
                 topic.span,
                 Code::DuplicateName,
                 format!("{name} is published twice"),
-                "give each topic a name of its own; a depth image takes `camera_info` beside its own name, too",
+                "give each topic a name of its own; a depth image takes `camera_info` next to its own name, too",
             );
         }
         if let Some(taker) = takes.iter().position(|takes| takes.iter().any(|t| t.topic == name)) {

@@ -73,7 +73,7 @@ fn endpoint(node: &Node, findings: &Findings) -> Option<String> {
         findings.say(
             node.span,
             Code::WrongShape,
-            format!("{} is no endpoint of a router of ROS 2", shown(text)),
+            format!("{} is not an endpoint of a router of ROS 2", shown(text)),
             "write `tcp/ADDRESS:PORT`, for example `tcp/127.0.0.1:7447`, where `rmw_zenohd` listens",
         );
     }
@@ -98,7 +98,7 @@ fn publication(entry: &Entry, findings: &Findings) -> Option<ParsedPublication> 
         findings.say(
             message.span,
             Code::WrongShape,
-            "`type` is that of the messages on `topic`, and here is no `topic`",
+            "`type` is that of the messages on `topic`, which is missing",
             "add `topic: /NAME`, or remove `type`",
         );
     }

@@ -149,7 +149,7 @@ fn hosts() -> Value {
                 json!({
                     "type": "string",
                     "description": match key {
-                        "certificate" => "Certificate of the host, PEM, in a file beside the pipeline.",
+                        "certificate" => "Certificate of the host, PEM, in a file next to the pipeline.",
                         "key" => "Key of the certificate, PEM; only its owner may read the file.",
                         _ => "Certificate of the authority that signs the certificates of all hosts, PEM.",
                     },
@@ -175,7 +175,7 @@ fn ros2() -> Value {
     let publication = closed(ros2_section::PUBLICATION_KEYS, &[], |key| match key {
         "topic" => json!({
             "type": "string", "pattern": "^(/[A-Za-z_][A-Za-z0-9_]*)+$",
-            "description": "Topic of ROS 2. Beside that of a depth image, `camera_info` is published.",
+            "description": "Topic of ROS 2. Next to that of a depth image, `camera_info` is published.",
         }),
         "type" => json!({
             "enum": ["PoseStamped", "PoseWithCovarianceStamped", "PointCloud2", "Image"],

@@ -326,7 +326,7 @@ mod tests {
         for contract in all_recorded(&graph, u64::MAX).into_iter().filter(|c| c.topic == "a.out") {
             assert!(contract.history > contract.buffer, "{contract:?}");
             let free = contract.pool_bytes() / contract.sample_bytes() - contract.history;
-            assert!(free >= BURST.0 + BORROWED, "{free} buffers beside the history");
+            assert!(free >= BURST.0 + BORROWED, "{free} buffers in addition to the history");
         }
     }
 

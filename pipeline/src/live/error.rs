@@ -76,7 +76,7 @@ pub enum WorkerError {
         reason: SetupError,
     },
     /// An order that this kind of worker does not take.
-    #[error("this worker is not directed, but was told {0}")]
+    #[error("this worker is not directed, but received {0}")]
     NotDirected(String),
     /// An order that a directed worker does not take.
     #[error("a directed worker cannot do {0}")]

@@ -55,7 +55,7 @@ pub enum PipeError {
     #[error("there is no line to a supervisor")]
     NotTaken,
     /// A message could not be written.
-    #[error("the supervisor cannot be told: {0}")]
+    #[error("the supervisor cannot be reached: {0}")]
     SendMessage(std::io::Error),
 }
 

@@ -27,14 +27,14 @@ const LONGEST: usize = 46;
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
     /// The name of the folder of all runs is no folder.
-    #[error("{}: runs are kept there, but it is no folder; remove it", place.display())]
+    #[error("{}: runs are stored there, but it is not a folder; remove it", place.display())]
     NoFolder {
         /// The folder of all runs.
         place: PathBuf,
     },
     /// Another user owns the folder of all runs.
     #[error(
-        "{}: runs are kept there, but it belongs to user {owner}, not to you (user {user}); remove it, or name \
+        "{}: runs are stored there, but it belongs to user {owner}, not to you (user {user}); remove it, or name \
          another folder in STILLPOINT_RUNS", place.display()
     )]
     Owner {
@@ -47,7 +47,7 @@ pub enum RunFolderError {
     },
     /// Other users may read or write the folder of all runs.
     #[error(
-        "{0}: runs are kept there, but other users have rights in it (mode {mode:o}); say `chmod 700 {0}`", place.display()
+        "{0}: runs are stored there, but other users have rights in it (mode {mode:o}); run `chmod 700 {0}`", place.display()
     )]
     Rights {
         /// The folder of all runs.
@@ -57,7 +57,7 @@ pub enum RunFolderError {
     },
     /// The path is too long for the sockets below it.
     #[error(
-        "{}: runs are kept there, and the paths of their sockets would be too long: it has {length} bytes, of at \
+        "{}: runs are stored there, and the paths of their sockets would be too long: it has {length} bytes, of at \
          most {LONGEST}; name a folder with a shorter path in STILLPOINT_RUNS", place.display()
     )]
     TooLong {

@@ -50,7 +50,7 @@ fn gap(before: Option<&Entry>, entry: &Entry) -> Option<String> {
     };
     let missing = entry.header.sequence.saturating_sub(expected);
     if missing > 0 {
-        return Some(format!("{missing} journal entries before it were not kept"));
+        return Some(format!("{missing} journal entries before it were not recorded"));
     }
     (expected == 0 && entry.cause() != Some(Cause::Start))
         .then(|| "the incarnation's first entry is missing".to_string())

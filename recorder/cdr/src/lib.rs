@@ -39,7 +39,7 @@ pub fn is_ros_time(stamp: u64) -> bool {
 #[non_exhaustive]
 pub enum CdrError {
     /// The bytes are too few for any message.
-    #[error("{0} bytes are no CDR message: 4 bytes that name its form come first")]
+    #[error("{0} bytes are not CDR message: 4 bytes that name its form come first")]
     NoMessage(usize),
     /// The bytes are in another form.
     #[error("it starts with {found:02x?}, which does not mark {expected}{}", hint(*found))]
@@ -63,7 +63,7 @@ pub enum CdrError {
     #[error("its text at byte {0} is not UTF-8")]
     Text(usize),
     /// A stamp is not a time.
-    #[error("its stamp of {seconds} s and {nanoseconds} ns is no time")]
+    #[error("its stamp of {seconds} s and {nanoseconds} ns is not a time")]
     Stamp {
         /// Seconds.
         seconds: i32,

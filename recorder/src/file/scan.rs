@@ -119,7 +119,7 @@ fn add_chunk(found: &mut Scan, bytes: &[u8], body: u64, len: u64, there: u64) {
         }
     };
     if (header.size as u64).checked_add(header.compressed_size).is_none_or(|n| n > len) {
-        let what = format!("a chunk of {} bytes stands in a record of {len}", header.compressed_size);
+        let what = format!("a chunk of {} bytes is in a record of {len}", header.compressed_size);
         found.damage.push(Damage { offset: at, what });
         return;
     }

@@ -98,7 +98,7 @@ pub(super) fn decode_metres(
         let count = found as u16;
         if f64::from(count) != found || !metres.is_nan() && length(count, unit).to_bits() != metres.to_bits()
         {
-            return Err(format!("a pixel of {metres} m is no count of {unit} m"));
+            return Err(format!("a pixel of {metres} m is not a count of {unit} m"));
         }
         payload.extend_from_slice(&count.to_le_bytes());
     }
@@ -118,7 +118,7 @@ fn meta(
         .zip(numbers(&Intrinsics::default()))
     {
         let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
-        *to = text.parse().map_err(|_| format!("`{name}` is `{}`, no number", text.escape_debug()))?;
+        *to = text.parse().map_err(|_| format!("`{name}` is `{}`, not a number", text.escape_debug()))?;
     }
     let header = shared.header(envelope, image.time, length);
     Ok(([header.as_bytes(), i.as_bytes()].concat(), i.depth_unit))

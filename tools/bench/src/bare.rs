@@ -117,7 +117,7 @@ impl Process {
         if line.trim() == due {
             Ok(())
         } else {
-            Err(Failure::failed(format!("a bare process said `{}`, not `{due}`", line.trim())))
+            Err(Failure::failed(format!("a bare process printed `{}`, not `{due}`", line.trim())))
         }
     }
 

@@ -86,7 +86,7 @@ impl Evidence {
     pub fn read(place: &Path, struck: u64, watched: Duration) -> Result<Self, Failure> {
         let sessions = place.join("s");
         let folder = std::fs::read_dir(&sessions).map_err(Failure::failed)?.flatten().next();
-        let folder = folder.ok_or_else(|| Failure::failed("the run kept no session"))?.path();
+        let folder = folder.ok_or_else(|| Failure::failed("the run recorded no session"))?.path();
         let session = Session::open_any(&folder).map_err(Failure::failed)?;
         let tracks = Tracks::read(&session)?;
         let mut evidence = tracks.evidence(struck, struck + watched.as_nanos() as u64);

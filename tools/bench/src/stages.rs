@@ -27,7 +27,7 @@ impl Sample for Load {
     type Element = Word;
     const NAME: &'static str = "BenchLoad";
     const SHAPE: Shape = Shape::Slice;
-    const ABOUT: &'static str = "Words that stand for a payload, behind two times.";
+    const ABOUT: &'static str = "Words that represent a payload, behind two times.";
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }
 

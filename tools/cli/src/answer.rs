@@ -75,7 +75,7 @@ impl Answer {
     pub fn line(&self, topic: &str) -> String {
         match self {
             Self::Taken => format!("{topic}: taken"),
-            Self::Refused(why) => format!("{topic}: refused, because {why}; the previous target is kept"),
+            Self::Refused(why) => format!("{topic}: refused, because {why}; the previous target holds"),
             Self::Silence => format!(
                 "{topic}: no answer within {} s; `stillpoint echo {topic}` shows `asked`, `status` and `refusal`",
                 PATIENCE.as_secs()

@@ -170,7 +170,7 @@ fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, String>
             _ => Err(format!("write a field behind it; {}", has(kind))),
         };
     };
-    let Step::Name(name) = first else { return Err("an index stands behind a name".to_owned()) };
+    let Step::Name(name) = first else { return Err("an index follows a name".to_owned()) };
     let found = match (element, in_element) {
         (Some(element), _) => field_of(kind.element, name).map(|(o, f)| (At::Element(element, o), f)),
         (None, in_element) => field_of(HEADER_FIELDS, name)

@@ -207,7 +207,7 @@ impl Proposal {
                 report.refused.count_ones()
             ),
             Some(report) if report.overlap.is_finite() => format!(
-                "faces were refused: {:.0} % of their points lie on the planned surface, and they differ by {:.2} mm",
+                "faces were refused: {:.0} % of their points are on the planned surface, and they differ by {:.2} mm",
                 100.0 * report.overlap,
                 1e3 * report.residual_rms
             ),

@@ -11,7 +11,7 @@ use stillpoint_recorder::Session;
 #[derive(Debug, thiserror::Error)]
 pub enum SessionPipelineError {
     /// The session has no such attachment.
-    #[error("the session keeps no {0}: it is no session of stillpoint, or its start is lost")]
+    #[error("the session has no {0}: it is not a session of stillpoint, or its start is lost")]
     Missing(&'static str),
     /// An attachment cannot be read.
     #[error("{name} of the session: {reason}")]

@@ -100,7 +100,7 @@ impl RosGraph {
                 true => format!("there is no topic of {due}"),
                 false => format!("topics of {due}: {}", others.join(", ")),
             };
-            missing.push(format!("ROS 2: nobody publishes {topic} in the domain {domain}; {there}"));
+            missing.push(format!("ROS 2: no publisher of {topic} in the domain {domain}; {there}"));
         }
         missing.into_iter().for_each(|text| self.note(text, true));
     }
@@ -129,7 +129,7 @@ mod tests {
         graph.token(&token("MP", "%colour", IMAGE), true);
         graph.token("@ros2_lv/0/ab/0/0/NN/%/%cam/driver", true);
         graph.report_missing(0);
-        let due = "ROS 2: nobody publishes /depth in the domain 0; topics of sensor_msgs/msg/Image: /colour";
+        let due = "ROS 2: no publisher of /depth in the domain 0; topics of sensor_msgs/msg/Image: /colour";
         assert_eq!(texts(&mut graph), [(due.to_owned(), true)]);
         graph.token(&token("MP", "%depth", IMAGE), true);
         graph.token(&token("MS", "%pose", IMAGE), true);

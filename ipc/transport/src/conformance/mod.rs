@@ -220,7 +220,10 @@ pub fn a_closed_end_does_nothing(transport: &dyn Transport) {
 /// Where the claim does not hold.
 pub fn a_sample_of_another_type_is_not_sent(transport: &dyn Transport) {
     let (mut sender, _receiver, next) = connected(transport, SMALL);
-    assert!(sender.send(Pieces { meta: &[], payload: &[] }).is_err(), "bytes without a header are no sample");
+    assert!(
+        sender.send(Pieces { meta: &[], payload: &[] }).is_err(),
+        "bytes without a header are not sample"
+    );
     let one = sample(next, SMALL);
     let cut = Pieces { meta: &one[..HEADER_SIZE], payload: &one[HEADER_SIZE..HEADER_SIZE + 10] };
     assert!(sender.send(cut).is_err(), "a sample whose elements are cut is none");

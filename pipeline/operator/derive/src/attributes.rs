@@ -86,7 +86,7 @@ fn as_text(expr: &Expr) -> Result<String, Error> {
         Expr::Unary(u) if matches!(u.op, UnOp::Neg(_)) => Ok(format!("-{}", as_text(&u.expr)?)),
         other => Err(Error::new_spanned(
             other.to_token_stream(),
-            "write a literal: it stands in the schema and the reference",
+            "write a literal: it is in the schema and the reference",
         )),
     }
 }

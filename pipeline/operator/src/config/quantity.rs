@@ -118,14 +118,14 @@ fn in_dimension<'t>(
     if written.is_empty() {
         return Err(Complaint::new(
             Code::MissingUnit,
-            format!("{} has no unit, but {expected} is due", shown(text)),
+            format!("{} has no unit, but {expected} is expected", shown(text)),
             format!("write it with its unit: {}", one_of(&units().collect::<Vec<_>>(), number)),
         ));
     }
     if let Some((other, _)) = find(written) {
         return Err(Complaint::new(
             Code::WrongUnit,
-            format!("{} is {}, but {expected} is due", shown(text), other.name),
+            format!("{} is {}, but {expected} is expected", shown(text), other.name),
             format!("write it in {}", or(&units().collect::<Vec<_>>())),
         ));
     }
@@ -141,7 +141,7 @@ fn in_dimension<'t>(
     };
     Err(Complaint::new(
         Code::UnknownUnit,
-        format!("{} is not a unit, and {expected} is due", shown(written)),
+        format!("{} is not a unit, and {expected} is expected", shown(written)),
         help,
     ))
 }
@@ -172,7 +172,7 @@ fn refuse_unit(text: &str, unit: &str) -> Result<(), Complaint> {
     Err(match find(unit) {
         Some((dimension, _)) => Complaint::new(
             Code::WrongUnit,
-            format!("{} is {}, but a plain number is due", shown(text), dimension.name),
+            format!("{} is {}, but a plain number is expected", shown(text), dimension.name),
             format!("write `{number}`"),
         ),
         None => not_a_number(text, "a plain number", number),

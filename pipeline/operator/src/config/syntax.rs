@@ -78,7 +78,7 @@ impl<'t> Mistake<'t> {
         self.info.contains("unprintable").then(|| {
             let found = behind().chars().next().unwrap_or('\0');
             self.here(
-                format!("the character U+{:04X} stands here, which no YAML text has", found as u32),
+                format!("the character U+{:04X} is here, which YAML text does not allow", found as u32),
                 "remove it; is this the file of a pipeline?",
             )
         })
@@ -127,7 +127,7 @@ impl<'t> Mistake<'t> {
         let close = if bracket == '{' { '}' } else { ']' };
         Some(Diagnosis {
             at: at.first(1),
-            message: format!("this `{bracket}` is not closed where a `,` or `{close}` is due"),
+            message: format!("this `{bracket}` is not closed where a `,` or `{close}` is expected"),
             help: format!("close it with `{close}`, or put a `,` between its entries"),
         })
     }

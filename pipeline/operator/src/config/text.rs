@@ -30,7 +30,7 @@ pub fn text(bytes: Vec<u8>, file_name: &str) -> Result<String, Faults> {
     findings.say(
         span,
         Code::Syntax,
-        format!("the byte 0x{byte:02x} stands here, which is no UTF-8 text"),
+        format!("the byte 0x{byte:02x} is here, which is not UTF-8 text"),
         "save the file as UTF-8 text; is this the file of a pipeline?",
     );
     Err(findings.into_faults(Sources::new(file_name, &shown, &[])))

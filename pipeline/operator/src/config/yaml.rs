@@ -104,7 +104,7 @@ impl Growth<'_> {
                 self.findings.say(
                     span,
                     Code::NotSupported,
-                    "an alias repeats what stands elsewhere, but a pipeline says each thing where it holds",
+                    "an alias repeats what is defined elsewhere, which a pipeline file does not allow",
                     "write the value itself",
                 );
                 self.place(Node::new(Value::Refused, span));
@@ -222,7 +222,7 @@ impl Findings {
             self.say(
                 node.span,
                 Code::NotSupported,
-                "`<<` merges what stands elsewhere, but a pipeline says each thing where it holds",
+                "`<<` merges what is defined elsewhere, which a pipeline file does not allow",
                 "write the keys themselves",
             );
             return Key::Refused;
@@ -232,7 +232,7 @@ impl Findings {
             self.say(
                 node.span,
                 Code::DuplicateName,
-                format!("{name} stands twice: it is on line {line} already"),
+                format!("{name} is repeated: it is on line {line} already"),
                 "remove one of them or give it another name",
             );
             return Key::Refused;

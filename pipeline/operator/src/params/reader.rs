@@ -155,7 +155,7 @@ impl<'a> ParamReader<'a> {
             }
             (Ok(list), Names::File) if list != [name.as_str()] => {
                 let found = if pattern::is_one(&name) { "a pattern" } else { "a folder" };
-                Some((format!("it is {found}, but one file is due"), "name one of its files"))
+                Some((format!("it is {found}, but one file is expected"), "name one of its files"))
             }
             (Ok(list), _) if list.is_empty() => Some((
                 "no file matches this pattern".into(),

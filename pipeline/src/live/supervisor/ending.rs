@@ -51,7 +51,7 @@ impl Supervisor {
         }
         let early = match (early, late.is_empty()) {
             (early, true) => early,
-            (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
+            (_, false) => Some(format!("{} did not stop on request, and was killed", late.join(", "))),
         };
         let mut records = self.connect_recorder(&mut signals);
         if !records && self.restart_dead_recorder() {

@@ -93,7 +93,7 @@ impl Extrinsic {
 }
 
 fn unknown(name: &str) -> String {
-    format!("`{name}` in `extrinsic.frames` is no frame that `frames` places")
+    format!("`{name}` in `extrinsic.frames` is not a frame that `frames` places")
 }
 
 /// Day of a frame's measurement, or the reason why it is not valid.

@@ -27,7 +27,7 @@ const EXAMPLE: &str = "6f1d2c9be0a4738455c81e37fa0260b9d3974ae1185f6c20be7390cc4
 pub enum KeyError {
     /// A character that is no hexadecimal digit.
     #[error(
-        "line {line} of the key file has a character at {column} that is no hexadecimal digit: a key is 64 of 0-9 and a-f"
+        "line {line} of the key file has a character at {column} that is not a hexadecimal digit: a key is 64 of 0-9 and a-f"
     )]
     Digit {
         /// Line, from 1.

@@ -63,7 +63,7 @@ mod tests {
         watch.answer(&holds(1));
         assert!(watch.holds());
         watch.answer(&update(7, PlanStanding::Unknown, PlanRefusal::Accept));
-        assert!(watch.holds(), "a refused acceptance is no answer to a request");
+        assert!(watch.holds(), "a refused acceptance is not an answer to a request");
         watch.answer(&update(1, PlanStanding::Fails, PlanRefusal::None));
         assert!(!watch.holds());
         watch.answer(&update(1, PlanStanding::Holds, PlanRefusal::Shift));

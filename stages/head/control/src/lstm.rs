@@ -30,7 +30,7 @@ pub enum NetworkError {
     #[error("a network needs at least one layer, of at least one input and one cell")]
     Empty,
     /// A matrix of another size.
-    #[error("{what} has {found} numbers where {expected} are due")]
+    #[error("{what} has {found} numbers where {expected} are expected")]
     Size {
         /// Name of the quantity.
         what: String,

@@ -41,7 +41,7 @@ pub struct Solution {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// Matrices that do not fit each other.
-    #[error("{what} is {rows} by {columns} where {expected_rows} by {expected_columns} is due")]
+    #[error("{what} is {rows} by {columns} where {expected_rows} by {expected_columns} is expected")]
     Shape {
         /// Name of the quantity.
         what: &'static str,

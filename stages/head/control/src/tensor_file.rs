@@ -91,7 +91,8 @@ impl<'a> TensorFile<'a> {
     /// It is not there, or no number.
     pub fn number<T: std::str::FromStr>(&self, name: &'static str) -> Result<T, TensorFileError> {
         let text = self.text(name)?;
-        text.parse().map_err(|_| TensorFileError::Metadata { name, reason: format!("is no number: {text}") })
+        text.parse()
+            .map_err(|_| TensorFileError::Metadata { name, reason: format!("is not a number: {text}") })
     }
 
     /// An entry of the metadata that is numbers with commas between them.

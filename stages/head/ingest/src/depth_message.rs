@@ -42,7 +42,7 @@ pub enum DepthMessageError {
     #[error("its pixels are 32FC1, which is in metres: remove `depth_unit`")]
     NoCounts,
     /// It is neither a PNG nor RVL.
-    #[error("its format is `{0}`, and its bytes are no PNG; depth is read as PNG, as RVL or uncompressed")]
+    #[error("its format is `{0}`, and its bytes are not PNG; depth is read as PNG, as RVL or uncompressed")]
     Format(String),
     /// Its quantised depths lack the numbers of the quantisation.
     #[error(
@@ -56,7 +56,7 @@ pub enum DepthMessageError {
     #[error(transparent)]
     Png(#[from] DepthError),
     /// The header of `compressedDepth` cannot be.
-    #[error("its depths are quantised by {a} and {b}, which are no numbers of `compressedDepth`")]
+    #[error("its depths are quantised by {a} and {b}, which are not numbers of `compressedDepth`")]
     Quantisation {
         /// `depthQuantA`.
         a: f32,

@@ -90,8 +90,8 @@ impl WireRefusal {
         match self {
             Self::TooLong => "it has more bytes than `max_bytes`",
             Self::OtherType => "it is of another type",
-            Self::Attachment => "number, time and sender beside it are missing or damaged",
-            Self::Damaged => "it is no message of its type",
+            Self::Attachment => "its number, time and sender are missing or damaged",
+            Self::Damaged => "it is not a message of its type",
             Self::NoDepth => "it has no depth or no points",
             Self::OtherFrame => "it is in another frame than `frame_id`",
             Self::NoStamp => "its stamp is zero or before: set `stamps: arrival`",

@@ -205,7 +205,7 @@ fn images_that_are_no_depth_are_refused_with_what_they_are() {
     let colour = description(IMAGE, image(2, "rgb8", false, 9, &[0; 18]));
     assert!(colour.contains("message 1 by time: its pixels are `rgb8`; a depth image has 16UC1"), "{colour}");
     let jpeg = description(COMPRESSED, compressed("bgr8; jpeg compressed bgr8", &[0xff, 0xd8]));
-    assert!(jpeg.contains("its format is `bgr8; jpeg compressed bgr8`, and its bytes are no PNG"), "{jpeg}");
+    assert!(jpeg.contains("its format is `bgr8; jpeg compressed bgr8`, and its bytes are not PNG"), "{jpeg}");
     let short = description(IMAGE, image(2, "16UC1", false, 6, &[0; 11]));
     assert!(short.contains("3 x 2 pixels of 2 bytes in rows of 6 do not fit 11 bytes"), "{short}");
 }

@@ -169,7 +169,7 @@ fn a_stamp_or_a_text_that_is_damaged_is_refused_as_the_recorder_refuses_it() {
         PointCloud2::parse(&bytes).unwrap_err().to_string()
     };
     let no_time = damaged(11);
-    assert!(no_time.ends_with(" ns is no time (the header)"), "{no_time}");
+    assert!(no_time.ends_with(" ns is not a time (the header)"), "{no_time}");
     assert_eq!(damaged(16), "its text at byte 16 is not UTF-8 (the header)");
     let cut = PointCloud2::parse(&message[..30]).unwrap_err().to_string();
     assert_eq!(cut, "it ends at byte 30, and its field at byte 28 needs 4 bytes (height)");

@@ -233,7 +233,7 @@ fn a_run_that_is_not_live_needs_a_recording_of_the_topic() {
     let other = recording(&[("/depth/image", "sensor_msgs/msg/PointCloud2", millimetres(1))]);
     let files = MemoryFiles { files: [("a.mcap".to_string(), other)].into() };
     let error = run(&pipeline(&format!("{IMAGE}, recording: a.mcap")), &registry, &files, 100).err().unwrap();
-    assert!(error.contains("its messages on /depth/image are no sensor_msgs/msg/Image"), "{error}");
+    assert!(error.contains("its messages on /depth/image are not sensor_msgs/msg/Image"), "{error}");
 }
 
 proptest! {

@@ -88,7 +88,7 @@ impl Operator for Camera {
                 name: "truth",
                 sample: Pose::KIND,
                 frame: FrameRule::Named(COUCH),
-                about: "The head's true pose, couch_from_head; its origin lies between the ear canals.",
+                about: "The head's true pose, couch_from_head; its origin is between the ear canals.",
             },
         ],
         timer: Timer::Required,

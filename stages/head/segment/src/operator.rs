@@ -237,7 +237,7 @@ impl Operator for SegmentFace {
                 mm(height_max),
                 mm(height_min)
             ),
-            help: "a face stands between these heights over the plane: raise `height_max`, or lower `height_min`",
+            help: "a face is between these heights over the plane: raise `height_max`, or lower `height_min`",
         })
     }
 

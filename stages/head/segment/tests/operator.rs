@@ -89,7 +89,7 @@ fn a_frame_without_a_face_says_why_and_sends_none() {
     assert_eq!((metric(&left, "rejection"), metric(&left, "sent_points")), (3.0, 0.0));
     let rejection = view::<Rejection>(&left, REJECTION).elements[0];
     assert_eq!((rejection.code, rejection.found, rejection.needed), (3, 0.0, 100.0));
-    assert_eq!(rejection.reason(), "0 voxels stand over the plane and no cluster of them has 100");
+    assert_eq!(rejection.reason(), "0 voxels are over the plane and no cluster of them has 100");
 
     let left = bench().feed::<PointCloud>(0, &shape(&[]), &[], 0);
     assert_eq!(ports(&left), [REJECTION, DIAGNOSTICS]);

@@ -24,7 +24,7 @@ pub enum CaptureError {
     #[error(transparent)]
     Surface(#[from] SurfaceError),
     /// Too few of the last frames show a face where it lies.
-    #[error("the last frames show {seen} faces where it lies, a capture needs {needed}")]
+    #[error("the last frames show {seen} faces at its place, a capture needs {needed}")]
     Unsteady {
         /// Faces at its place.
         seen: usize,

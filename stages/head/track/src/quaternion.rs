@@ -38,7 +38,7 @@ pub enum PairsError {
         pair: usize,
     },
     /// The points lie on a line, or are so symmetrical that several rotations fit alike.
-    #[error("several rotations fit alike (eigenvalue gap {gap:.3e} m2): the points lie on a line")]
+    #[error("several rotations fit alike (eigenvalue gap {gap:.3e} m2): the points are on a line")]
     Undetermined {
         /// Difference of the two largest eigenvalues, m2.
         gap: f64,

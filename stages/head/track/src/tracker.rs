@@ -88,7 +88,7 @@ pub enum Loss {
         needed: usize,
     },
     /// The frame lies elsewhere than the reference wherever it is turned.
-    #[error("{:.0} % of the frame lie on the reference, it takes {:.0} %", 100.0 * alignment.overlap, 100.0 * needed)]
+    #[error("{:.0} % of the frame match the reference (required: {:.0} %", 100.0 * alignment.overlap, 100.0 * needed)]
     NoFit {
         /// The best fit.
         alignment: Box<Alignment>,

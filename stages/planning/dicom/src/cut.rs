@@ -33,7 +33,7 @@ pub(crate) fn cut(name: &str, role: Role, drawn: &Drawn, allowed_cm3: f64) -> Cu
         };
     }
     let (drawn_cm3, places) = (drawn.drawn_cm3, places(&drawn.beyond));
-    let size = format!("{name:?} reaches {places}: {volume_cm3:.2} of its {drawn_cm3:.2} cm3 lie there");
+    let size = format!("{name:?} reaches {places}: {volume_cm3:.2} of its {drawn_cm3:.2} cm3 are there");
     match role {
         Role::Target | Role::ClinicalTarget => Cut::Refused(format!("{size}; give the whole scan")),
         // The text is rounded up, so that the size that it names is enough.

@@ -68,7 +68,7 @@ pub(crate) fn text_if_any(object: &InMemDicomObject, tag: Tag) -> Result<Option<
         // Some converters call every element "unknown": the bytes are the text.
         Some(PrimitiveValue::U8(bytes)) => String::from_utf8_lossy(bytes).into_owned(),
         Some(value) => value.to_str().into_owned(),
-        None => return wrong(tag, "a sequence", "a text is due"),
+        None => return wrong(tag, "a sequence", "a text is expected"),
     };
     let text = text.trim_matches(['\0', ' ']).to_owned();
     Ok((!text.is_empty()).then_some(text))
@@ -82,7 +82,7 @@ pub(crate) fn text(object: &InMemDicomObject, tag: Tag) -> Result<String, TagErr
 /// A UID that must be there.
 pub(crate) fn uid(object: &InMemDicomObject, tag: Tag) -> Result<Uid, TagError> {
     let text = text(object, tag)?;
-    Uid::parse(&text).or_else(|_| wrong(tag, &text, "a UID is due"))
+    Uid::parse(&text).or_else(|_| wrong(tag, &text, "a UID is expected"))
 }
 
 /// Finite numbers, any count.
@@ -102,7 +102,7 @@ fn parsed(tag: Tag, text: &str, parts: &str) -> Result<Vec<f64>, TagError> {
     let number = |part: &str| part.trim_matches(['\0', ' ']).parse().ok().filter(|v: &f64| v.is_finite());
     match parts.split('\\').map(number).collect() {
         Some(numbers) => Ok(numbers),
-        None => wrong(tag, text, "finite numbers are due"),
+        None => wrong(tag, text, "finite numbers are expected"),
     }
 }
 
@@ -110,7 +110,8 @@ fn parsed(tag: Tag, text: &str, parts: &str) -> Result<Vec<f64>, TagError> {
 pub(crate) fn exactly<const N: usize>(object: &InMemDicomObject, tag: Tag) -> Result<[f64; N], TagError> {
     let found = numbers(object, tag)?;
     let count = found.len();
-    <[f64; N]>::try_from(found).or_else(|_| wrong(tag, format!("{count} numbers"), "another count is due"))
+    <[f64; N]>::try_from(found)
+        .or_else(|_| wrong(tag, format!("{count} numbers"), "another count is expected"))
 }
 
 /// A whole number.
@@ -120,12 +121,12 @@ pub(crate) fn whole(object: &InMemDicomObject, tag: Tag) -> Result<i64, TagError
         return wrong(
             tag,
             "of unknown representation",
-            "a whole number is due: convert the file so that it has one",
+            "a whole number is expected: convert the file so that it has one",
         );
     }
     element
         .to_int()
-        .or_else(|_| wrong(tag, text_if_any(object, tag)?.unwrap_or_default(), "a whole number is due"))
+        .or_else(|_| wrong(tag, text_if_any(object, tag)?.unwrap_or_default(), "a whole number is expected"))
 }
 
 /// A whole number that must be this one.

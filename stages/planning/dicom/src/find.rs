@@ -75,7 +75,7 @@ pub(crate) fn find(
             structures.push((path, data.object));
         } else if modality == "CT" && !is_ct(&class) {
             left_out.push(format!(
-                "{} has the modality CT, but is no CT image (class {class}), and is left out",
+                "{} has the modality CT, but is not a CT image (class {class}), and is left out",
                 path.display()
             ));
         } else if modality == "CT" {
@@ -115,7 +115,7 @@ pub(crate) fn find(
         return Err(ImportError::NoImages { folder: folder.to_owned(), found });
     }
     let counted = [
-        (foreign, "files are no DICOM and are left out"),
+        (foreign, "files are not DICOM and are left out"),
         (resource_forks, "files are resource forks of a Macintosh (AppleDouble) and are left out"),
         (copies, "files are copies of others, byte by byte, and count once"),
     ];

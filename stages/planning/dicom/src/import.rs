@@ -73,7 +73,7 @@ pub enum ImportError {
     #[error("{}: folders nest more than {DEEPEST} deep: give the one with the series", .0.display())]
     Deep(PathBuf),
     /// There is nothing to read.
-    #[error("{}: no CT image is here, but {found}; give a folder with a CT series and its RTSTRUCT, or the JSON beside NRRD volumes", folder.display())]
+    #[error("{}: no CT image is here, but {found}; give a folder with a CT series and its RTSTRUCT, or the JSON next to NRRD volumes", folder.display())]
     NoImages {
         /// The folder.
         folder: PathBuf,

@@ -31,7 +31,7 @@ pub(crate) fn sentences(name: &str, drawn: &Drawn, lines: usize) -> Vec<String> 
             false => ("all of that distance", "for a slice each", drawn.slices_cm3),
         };
         say(format!(
-            "contours lie {distance_mm:.1} mm apart, and each stands for {means}: {mask_cm3:.2} cm3 ({other} {volume_cm3:.2} cm3)"
+            "contours are {distance_mm:.1} mm apart, and each represents {means}: {mask_cm3:.2} cm3 ({other} {volume_cm3:.2} cm3)"
         ));
     }
     // Where slabs do not touch at all, every distance is a gap and is said above.
@@ -45,11 +45,11 @@ pub(crate) fn sentences(name: &str, drawn: &Drawn, lines: usize) -> Vec<String> 
 
 fn gap_text(first: [f64; 2], last: [f64; 2], count: usize, drawn: &Drawn) -> String {
     let place = match count {
-        1 => format!("no contour lies between {:.1} and {:.1} mm, and that gap", first[0], first[1]),
-        n => format!("{n} gaps without contours lie between {:.1} and {:.1} mm, and each", first[0], last[1]),
+        1 => format!("there is no contour between {:.1} and {:.1} mm, and that gap", first[0], first[1]),
+        n => format!("{n} gaps without contours are between {:.1} and {:.1} mm, and each", first[0], last[1]),
     };
     format!(
-        "{place} stays empty: {:.2} cm3 (filled {:.2} cm3); where it is no gap, draw the missing contours",
+        "{place} stays empty: {:.2} cm3 (filled {:.2} cm3); where it is not a gap, draw the missing contours",
         drawn.mask_cm3, drawn.filled_cm3
     )
 }
@@ -59,12 +59,12 @@ fn finish(mut texts: Vec<String>, name: &str, drawn: &Drawn) -> Vec<String> {
     let inside_cm3 = drawn.drawn_cm3 - drawn.beyond.volume_cm3;
     if drawn.skipped > 0 {
         texts.push(format!(
-            "{name:?}: {} planes of contours lie closer than the images and are left out: {:.2} cm3 (with them {inside_cm3:.2} cm3)",
+            "{name:?}: {} planes of contours are closer than the images and are left out: {:.2} cm3 (with them {inside_cm3:.2} cm3)",
             drawn.skipped, drawn.mask_cm3
         ));
     } else if (drawn.mask_cm3 - inside_cm3).abs() > DIFFERENT * inside_cm3 && drawn.mask_cm3 > 0.0 {
         texts.push(format!(
-            "{name:?}: its contours hold {inside_cm3:.2} cm3, its voxels {:.2} cm3: it is small for the images' voxels, or lies at the end of the images",
+            "{name:?}: its contours hold {inside_cm3:.2} cm3, its voxels {:.2} cm3: it is small for the images' voxels, or is at the end of the images",
             drawn.mask_cm3
         ));
     }

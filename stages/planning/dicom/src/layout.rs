@@ -49,7 +49,7 @@ pub struct Layout {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum LayoutError {
     /// Another kind of file.
-    #[error("this is no DICOM file, or it ends before its first element; copy it again, or take it away")]
+    #[error("this is not a DICOM file, or it ends before its first element; copy it again, or take it away")]
     NotDicom,
     /// The file ends within an element.
     #[error("the file is cut off: {tag} at byte {at} needs {length} bytes, {left} are left; copy it again")]
@@ -72,7 +72,7 @@ pub enum LayoutError {
         at: usize,
     },
     /// Sequences are too deep.
-    #[error("sequences nest more than {DEEPEST} deep at {tag}, byte {at}: this is no RT object")]
+    #[error("sequences nest more than {DEEPEST} deep at {tag}, byte {at}: this is not an RT object")]
     Deep {
         /// The element.
         tag: Tag,
@@ -194,7 +194,7 @@ impl Walk<'_> {
                 return Ok(());
             }
             if head.tag.group() == 0xFFFE {
-                return Err(LayoutError::Wrong { tag: head.tag, at, why: "stands outside a sequence" });
+                return Err(LayoutError::Wrong { tag: head.tag, at, why: "is outside a sequence" });
             }
             self.last = head.tag;
             let within = match head.length {
@@ -245,7 +245,7 @@ impl Walk<'_> {
                     return Err(LayoutError::Wrong {
                         tag,
                         at,
-                        why: "stands where an item of a sequence is due",
+                        why: "is where an item of a sequence is expected",
                     });
                 }
             }
@@ -270,7 +270,7 @@ impl Walk<'_> {
                     return Err(LayoutError::Wrong {
                         tag,
                         at,
-                        why: "stands where a piece of pixel data is due",
+                        why: "is where a piece of pixel data is expected",
                     });
                 }
             }

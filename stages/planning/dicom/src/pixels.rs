@@ -22,7 +22,7 @@ pub(crate) fn words(
 ) -> Result<Vec<u16>, TagError> {
     let element = object.get(tags::PIXEL_DATA).ok_or(TagError::Missing(tags::PIXEL_DATA))?;
     let Some(count) = columns.checked_mul(rows).filter(|n| (1..1 << 30).contains(n)) else {
-        return wrong(tags::ROWS, format!("{rows} with {columns} columns"), "1 to 2^30 pixels are due");
+        return wrong(tags::ROWS, format!("{rows} with {columns} columns"), "1 to 2^30 pixels are expected");
     };
     let Some(syntax) = compressed else {
         return plain(element.to_bytes().ok().as_deref(), columns, rows);
@@ -47,13 +47,13 @@ pub(crate) fn words(
 
 fn plain(bytes: Option<&[u8]>, columns: usize, rows: usize) -> Result<Vec<u16>, TagError> {
     let Some(bytes) = bytes else {
-        return wrong(tags::PIXEL_DATA, "a sequence", "uncompressed pixels are due");
+        return wrong(tags::PIXEL_DATA, "a sequence", "uncompressed pixels are expected");
     };
     let size = 2 * columns * rows;
     // A value of odd length is padded by one byte.
     if bytes.len() < size || bytes.len() > size + 1 {
         let found = format!("{} bytes for {columns} x {rows} pixels", bytes.len());
-        return wrong(tags::PIXEL_DATA, found, "two bytes for each pixel are due");
+        return wrong(tags::PIXEL_DATA, found, "two bytes for each pixel are expected");
     }
     Ok(bytes.chunks_exact(2).map(|word| u16::from_le_bytes([word[0], word[1]])).collect())
 }
@@ -74,7 +74,7 @@ fn run_lengths(fragment: &[u8], count: usize) -> Result<Vec<u16>, TagError> {
     }
     let (high, low) = (number(4), number(8));
     let (Some(high), Some(low)) = (fragment.get(high..low), fragment.get(low..)) else {
-        return broken("its segments lie outside of it");
+        return broken("its segments are outside of it");
     };
     match (unpack(high, count), unpack(low, count)) {
         (Some(high), Some(low)) => {
@@ -124,10 +124,13 @@ fn jpeg(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagError>
     }
     let Some(info) = decoder.info() else { return broken("it has no frame".to_owned()) };
     if [usize::from(info.width), usize::from(info.height)] != [columns, rows] {
-        return broken(format!("{} x {} pixels, but {columns} x {rows} are due", info.width, info.height));
+        return broken(format!(
+            "{} x {} pixels, but {columns} x {rows} are expected",
+            info.width, info.height
+        ));
     }
     if info.coding_process != CodingProcess::Lossless {
-        return broken(format!("coded by the process {:?}, but lossless is due", info.coding_process));
+        return broken(format!("coded by the process {:?}, but lossless is expected", info.coding_process));
     }
     let decoded = match decoder.decode() {
         Ok(decoded) => decoded,
@@ -153,7 +156,7 @@ fn jpeg2000(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagEr
         return broken("its first segment does not describe one component".to_owned());
     };
     if [width, height] != [columns, rows] {
-        return broken(format!("{width} x {height} pixels, but {columns} x {rows} are due"));
+        return broken(format!("{width} x {height} pixels, but {columns} x {rows} are expected"));
     }
     if !(1..=16).contains(&bits) {
         return broken(format!("{bits} bits a pixel (allowed: 1 to 16)"));
@@ -175,7 +178,7 @@ fn jpeg2000(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagEr
     let [component] = components else { return broken(format!("{} components", components.len())) };
     let samples = component.samples();
     if samples.len() != columns * rows {
-        return broken(format!("{} pixels, but {} are due", samples.len(), columns * rows));
+        return broken(format!("{} pixels, but {} are expected", samples.len(), columns * rows));
     }
     // The decoder moves every sample up by half the range, as is right for unsigned samples alone.
     let shift = if is_signed { -f64::from(1_u32 << (bits - 1)) } else { 0.0 };

@@ -118,7 +118,11 @@ fn dose_reference(number: usize, prescription: &Prescription) -> Result<Writer, 
 fn fraction_group(plan: &Plan<'_>) -> Result<Writer, ExportError> {
     if !(1..=100).contains(&plan.fractions) {
         let value = f64::from(plan.fractions);
-        return Err(ExportError::Number { what: "a number of fractions", value, why: "1 to 100 is due" });
+        return Err(ExportError::Number {
+            what: "a number of fractions",
+            value,
+            why: "1 to 100 is expected",
+        });
     }
     let mut group = Writer::default();
     group.whole(tags::FRACTION_GROUP_NUMBER, 1);
@@ -278,7 +282,7 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
     point.whole(tags::CONTROL_POINT_INDEX, 0).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[0.0]);
     point.decimals(tags::NOMINAL_BEAM_ENERGY, &[positive("an energy", machine.energy_mv)?]);
     if !(0.0..360.0).contains(&beam.gantry_deg) {
-        let why = "0 to below 360 degrees is due";
+        let why = "0 to below 360 degrees is expected";
         return Err(ExportError::Number { what: "a gantry angle", value: beam.gantry_deg, why });
     }
     point.decimals(tags::GANTRY_ANGLE, &[beam.gantry_deg]).put(
@@ -301,7 +305,7 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
         point.empty(unknown, VR::DS);
     }
     if let Some(&value) = beam.isocentre_mm.iter().find(|c| c.is_nan() || c.abs() > 1e5) {
-        let why = "a position within 100 m is due";
+        let why = "a position within 100 m is expected";
         return Err(ExportError::Number { what: "a coordinate of the isocentre", value, why });
     }
     point.decimals(tags::ISOCENTER_POSITION, &beam.isocentre_mm);
@@ -324,6 +328,6 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
 fn positive(what: &'static str, value: f64) -> Result<f64, ExportError> {
     match value.is_finite() && value > 0.0 {
         true => Ok(value),
-        false => Err(ExportError::Number { what, value, why: "a number above 0 is due" }),
+        false => Err(ExportError::Number { what, value, why: "a number above 0 is expected" }),
     }
 }

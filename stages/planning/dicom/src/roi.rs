@@ -82,7 +82,7 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<(Vec<R
             return wrong(
                 tags::ROI_NUMBER,
                 format!("{number} for {first:?} and for {name:?}"),
-                "whose contours are whose cannot be told: give each region a number of its own",
+                "whose contours are whose cannot be determined: give each region a number of its own",
             );
         }
         let role = kind.as_deref().and_then(Role::of_interpreted_type);
@@ -226,14 +226,14 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
         "CLOSED_PLANAR" => ContourKind::Closed,
         "CLOSED_PLANAR_XOR" | "CLOSEDPLANAR_XOR" => ContourKind::Xor,
         "POINT" | "OPEN_PLANAR" | "OPEN_NONPLANAR" => return Ok(Drawing::Line),
-        _ => return wrong(tags::CONTOUR_GEOMETRIC_TYPE, kind, "CLOSED_PLANAR is due"),
+        _ => return wrong(tags::CONTOUR_GEOMETRIC_TYPE, kind, "CLOSED_PLANAR is expected"),
     };
     let expected = match text_if_any(item, tags::NUMBER_OF_CONTOUR_POINTS)? {
         None => None,
         // Some writers divide, and write the quotient.
         Some(count) => match count.parse::<f64>() {
             Ok(points) if points >= 0.0 && points.fract() == 0.0 => Some(points),
-            _ => return wrong(tags::NUMBER_OF_CONTOUR_POINTS, count, "a whole number is due"),
+            _ => return wrong(tags::NUMBER_OF_CONTOUR_POINTS, count, "a whole number is expected"),
         },
     };
     if text_if_any(item, tags::CONTOUR_DATA)?.is_none() && expected.is_none_or(|points| points == 0.0) {
@@ -242,7 +242,7 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
     let values = padded_numbers(item, tags::CONTOUR_DATA)?;
     let found = || format!("{} numbers", values.len());
     if values.len() % 3 != 0 {
-        return wrong(tags::CONTOUR_DATA, found(), "three numbers for each point are due");
+        return wrong(tags::CONTOUR_DATA, found(), "three numbers for each point are expected");
     }
     if expected.is_some_and(|points| points != (values.len() / 3) as f64) {
         return wrong(
@@ -254,11 +254,7 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
     let points = values.chunks_exact(3);
     let z_mm = values.get(2).copied().unwrap_or_default();
     if points.clone().any(|p| (p[2] - z_mm).abs() > FLAT_MM) {
-        return wrong(
-            tags::CONTOUR_DATA,
-            "oblique",
-            "contours must lie across the patient, in one plane each",
-        );
+        return wrong(tags::CONTOUR_DATA, "oblique", "each contour must be in one plane across the patient");
     }
     if values.iter().any(|v| v.abs() > 1e5) {
         return wrong(tags::CONTOUR_DATA, "more than 100 m away", "positions are in mm");

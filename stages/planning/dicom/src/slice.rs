@@ -75,12 +75,12 @@ impl Slice {
             return wrong(
                 tags::PIXEL_SPACING,
                 format!("{row_mm}\\{column_mm}"),
-                "distances above 0 mm are due",
+                "distances above 0 mm are expected",
             );
         }
         let counts = [whole(object, tags::COLUMNS)?, whole(object, tags::ROWS)?];
         let [Ok(columns), Ok(rows)] = counts.map(usize::try_from) else {
-            return wrong(tags::ROWS, format!("{counts:?}"), "a count is due");
+            return wrong(tags::ROWS, format!("{counts:?}"), "a count is expected");
         };
         let (mut hu, clipped) = hounsfield(object, compressed.as_deref(), columns, rows)?;
         if against_x {
@@ -128,7 +128,7 @@ fn position(object: &InMemDicomObject, stated: Option<PatientPosition>) -> Resul
             wrong(
                 tags::PATIENT_POSITION,
                 name,
-                "HFS, HFP, FFS or FFP is due: supine or prone, head or feet first",
+                "HFS, HFP, FFS or FFP is expected: supine or prone, head or feet first",
             )
         },
         Ok,
@@ -153,7 +153,7 @@ fn unit(object: &InMemDicomObject, scale: Scale) -> Result<Option<String>, TagEr
         // Unspecified: many writers mean Hounsfield units, and whether the values can be is checked later.
         "HU" | "US" => Ok(None),
         "HU_MOD" => Ok(Some(format!("the values are modified Hounsfield units (HU_MOD): {also}"))),
-        _ if scale == Scale::Any => Ok(Some(format!("the values are no Hounsfield units ({unit}): {also}"))),
+        _ if scale == Scale::Any => Ok(Some(format!("the values are not Hounsfield units ({unit}): {also}"))),
         _ => wrong(
             tags::RESCALE_TYPE,
             unit,
@@ -202,7 +202,7 @@ fn hounsfield(
     must_be(object, tags::BITS_ALLOCATED, 16, "16 bits per pixel are read")?;
     let photometric = text(object, tags::PHOTOMETRIC_INTERPRETATION)?;
     if photometric != "MONOCHROME2" {
-        return wrong(tags::PHOTOMETRIC_INTERPRETATION, photometric, "MONOCHROME2 is due");
+        return wrong(tags::PHOTOMETRIC_INTERPRETATION, photometric, "MONOCHROME2 is expected");
     }
     if let Some(frames) = text_if_any(object, tags::NUMBER_OF_FRAMES)?
         && frames != "1"
@@ -211,13 +211,13 @@ fn hounsfield(
     }
     let stored = whole(object, tags::BITS_STORED)?;
     let Some(spare) = u32::try_from(stored).ok().filter(|s| (1..=16).contains(s)).map(|s| 16 - s) else {
-        return wrong(tags::BITS_STORED, stored, "1 to 16 is due");
+        return wrong(tags::BITS_STORED, stored, "1 to 16 is expected");
     };
     must_be(object, tags::HIGH_BIT, stored - 1, "the bits stored must be the lowest")?;
     let signed = match whole(object, tags::PIXEL_REPRESENTATION)? {
         0 => false,
         1 => true,
-        other => return wrong(tags::PIXEL_REPRESENTATION, other, "0 (unsigned) or 1 (signed) is due"),
+        other => return wrong(tags::PIXEL_REPRESENTATION, other, "0 (unsigned) or 1 (signed) is expected"),
     };
     let value = |word: u16| match signed {
         true => i32::from((word << spare) as i16 >> spare),

@@ -39,7 +39,7 @@ pub struct Exported {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ExportError {
     /// A text does not fit its tag.
-    #[error("{text:?} is no {what}: give 1 to {most} characters without `\\`")]
+    #[error("{text:?} is not a valid {what}: give 1 to {most} characters without `\\`")]
     Text {
         /// What it should be.
         what: &'static str,

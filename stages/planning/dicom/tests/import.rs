@@ -112,7 +112,7 @@ fn files_in_folders_are_found_and_strangers_are_told() {
     put(&mut localizer, tags::SERIES_INSTANCE_UID, VR::UI, "1.2.99");
     std::fs::write(folder.path().join("scout.dcm"), file(&localizer)).unwrap();
     let notes = import(folder.path()).unwrap().notes.join("\n");
-    assert!(notes.contains("scout.dcm is a localizer") && notes.contains("1 files are no DICOM"), "{notes}");
+    assert!(notes.contains("scout.dcm is a localizer") && notes.contains("1 files are not DICOM"), "{notes}");
 }
 
 #[test]
@@ -198,8 +198,8 @@ fn images_of_other_kinds_and_positions_are_refused_by_tag_and_name() {
         (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\0\\0\\-1", "sagittal"),
         (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "1\\0\\0\\0\\0\\-1", "coronal"),
         (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\-1\\0\\0", "turned within its plane"),
-        (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2", "another count is due"),
-        (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2\\x", "finite numbers are due"),
+        (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2", "another count is expected"),
+        (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2\\x", "finite numbers are expected"),
         (tags::PIXEL_SPACING, VR::DS, "3\\0", "above 0 mm"),
         (tags::RESCALE_SLOPE, VR::DS, "1e9", "beyond -32768"),
         (tags::PHOTOMETRIC_INTERPRETATION, VR::CS, "RGB", "MONOCHROME2"),

@@ -83,11 +83,11 @@ fn an_organ_that_the_scan_ends_in_needs_leave_of_that_size() {
 fn planes_far_apart_stand_for_their_distance_and_are_said() {
     let (volume, notes) = ptv(planes(every(15.0, 112.5, 3), PTV));
     assert!((volume - AREA_MM2 * 45.0 / 1000.0).abs() < 1e-9, "{volume}");
-    let expected = r#""PTV": contours lie 15.0 mm apart, and each stands for all of that distance: 1.62 cm3 (for a slice each 0.27 cm3)"#;
+    let expected = r#""PTV": contours lie 15.0 mm apart, and each represents all of that distance: 1.62 cm3 (for a slice each 0.27 cm3)"#;
     assert_eq!(notes, [expected]);
     let (volume, notes) = ptv(planes([110.0, 140.0], PTV));
     assert!((volume - AREA_MM2 * 5.0 / 1000.0).abs() < 1e-9, "{volume}");
-    let expected = r#""PTV": contours lie 30.0 mm apart, and each stands for a slice: 0.18 cm3 (with the space between them 1.17 cm3)"#;
+    let expected = r#""PTV": contours lie 30.0 mm apart, and each represents a slice: 0.18 cm3 (with the space between them 1.17 cm3)"#;
     assert_eq!(notes, [expected]);
 }
 
@@ -99,7 +99,7 @@ fn planes_that_are_missing_are_said_with_both_volumes() {
     let missing = whole.iter().enumerate().filter(|(i, _)| !(5..10).contains(i)).map(|(_, z)| *z);
     let (volume, notes) = ptv(planes(missing, PTV));
     assert_eq!(format!("{volume:.2}"), "0.99");
-    let expected = r#""PTV": no contour lies between 120.0 and 135.0 mm, and that gap stays empty: 0.99 cm3 (filled 1.44 cm3); where it is no gap, draw the missing contours"#;
+    let expected = r#""PTV": there is no contour between 120.0 and 135.0 mm, and that gap stays empty: 0.99 cm3 (filled 1.44 cm3); where it is not a gap, draw the missing contours"#;
     assert_eq!(notes, [expected]);
 }
 

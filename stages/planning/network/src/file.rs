@@ -101,10 +101,10 @@ impl Model {
             let wrong = |reason: String| ModelFileError::Tensor { name: name.to_owned(), reason };
             let view = tensors.tensor(name).map_err(|_| wrong("is missing".into()))?;
             if view.dtype() != Dtype::F32 {
-                return Err(wrong(format!("is {:?}, and F32 is due", view.dtype())));
+                return Err(wrong(format!("is {:?}, and F32 is expected", view.dtype())));
             }
             if view.shape() != shape {
-                return Err(wrong(format!("has the shape {:?}, and {shape:?} is due", view.shape())));
+                return Err(wrong(format!("has the shape {:?}, and {shape:?} is expected", view.shape())));
             }
             Ok(view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
         };

@@ -182,7 +182,7 @@ pub enum ModelError {
         expected: usize,
     },
     /// A tensor of another size.
-    #[error("the tensor `{name}` has {found} numbers, and {expected} are due")]
+    #[error("the tensor `{name}` has {found} numbers, and {expected} are expected")]
     Length {
         /// Name of the entry.
         name: &'static str,

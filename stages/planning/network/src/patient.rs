@@ -53,7 +53,7 @@ pub struct Patient {
 #[derive(Debug, Error)]
 pub enum PatientError {
     /// The phantom is no case.
-    #[error("the phantom is no case: {0}")]
+    #[error("the phantom is not a case: {0}")]
     Case(#[from] CaseError),
     /// The case file.
     #[error("{}: {why}", path.display())]

@@ -146,7 +146,7 @@ impl Display for Fault {
         match self {
             Self::Outside { part, most } => write!(
                 f,
-                "{:.1} % of the fluence passes beside the patient (allowed: {:.1} %): plan without `--flash`, or with \
+                "{:.1} % of the fluence misses the patient (allowed: {:.1} %): plan without `--flash`, or with \
                  beams that meet the target through the patient",
                 100.0 * part,
                 100.0 * most

@@ -317,7 +317,7 @@ pub struct PlanFileSolve {
 #[derive(Debug, Error)]
 pub enum PlanFileError {
     /// The bytes are something else.
-    #[error("this is no plan.json of `stillpoint plan`: {0}")]
+    #[error("this is not a plan.json of `stillpoint plan`: {0}")]
     Json(#[from] serde_json::Error),
     /// The file is of a newer build.
     #[error(

@@ -132,7 +132,7 @@ mod tests {
         assert!(refused("limits: []").contains("no `name`"));
         assert!(refused("name: own\nlimit: []\n").contains("did you mean `limits`?"));
         let unknown = limit("structure: Rectum, limit: \"V75[%] <= 15\"");
-        assert!(unknown.contains("own.yaml:3") && unknown.contains("is no quantity"), "{unknown}");
+        assert!(unknown.contains("own.yaml:3") && unknown.contains("is not a quantity"), "{unknown}");
         assert!(limit("structure: Rectum, target: each, limit: \"Mean[Gy] <= 1\"").contains("once"));
         assert!(limit("plan: false, limit: \"R50 <= 5\"").contains("once"));
         assert!(limit("target: all, limit: \"D98%[%] >= 95\"").contains("`highest`"));

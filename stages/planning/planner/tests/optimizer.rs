@@ -219,7 +219,7 @@ operators:
     };
     let missing = refused("{ on: Bladder, limit: \"Mean[Gy] <= 1\" }");
     assert!(missing.contains("`Mean[Gy] <= 1`") && missing.contains("Bladder"), "{missing}");
-    assert!(refused("{ on: Rectum, limit: \"Mean <= 1\" }").contains("is no quantity"));
+    assert!(refused("{ on: Rectum, limit: \"Mean <= 1\" }").contains("is not a quantity"));
 }
 
 #[test]

@@ -61,7 +61,7 @@ pub fn read_frame(from: &mut impl Read) -> io::Result<Option<(String, Vec<u8>)>>
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     let message = bytes.split_off(name_length);
-    Ok(Some((String::from_utf8(bytes).map_err(|_| wrong("the name of a frame is no text"))?, message)))
+    Ok(Some((String::from_utf8(bytes).map_err(|_| wrong("the name of a frame is not text"))?, message)))
 }
 
 /// A child process that carries messages. It ends with this object.
@@ -117,7 +117,7 @@ impl Courier for ChildCourier {
         match self.arrivals.recv_timeout(wait) {
             Ok(Ok(arrival)) => Ok(Some(arrival)),
             Ok(Err(e)) => {
-                Err(format!("the process that carries messages to the pool sends what is no message: {e}"))
+                Err(format!("the process that carries messages to the pool sends what is not a message: {e}"))
             }
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => {

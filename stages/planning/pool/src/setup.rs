@@ -222,5 +222,5 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
 }
 
 fn none_of_a_search(call: &Call) -> String {
-    format!("a {} is no call of a search", call.kind().word())
+    format!("a {} is not a call of a search", call.kind().word())
 }

@@ -140,7 +140,7 @@ fn workers_give_each_other_what_they_hold_and_one_that_gives_something_else_is_n
     assert!(pooled(&water, &mut pool) == expected);
     let news = pool.take_news();
     let reported =
-        news.iter().filter(|text| text.starts_with("worker `w2` is no source of contents any more: "));
+        news.iter().filter(|text| text.starts_with("worker `w2` is no longer a source of contents: "));
     assert!(reported.count() > 0, "{news:?}");
     // Its answers are right, so it is asked all the same.
     assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()));

@@ -59,7 +59,7 @@ pub struct Provenance {
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// It is no JSON of this form.
-    #[error("it is no model file: {0}")]
+    #[error("it is not a model file: {0}")]
     Form(#[from] serde_json::Error),
     /// It has another version.
     #[error("it has version {found}; this build reads version {VERSION}")]

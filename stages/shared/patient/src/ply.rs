@@ -122,7 +122,7 @@ impl<'a> Ply<'a> {
                 .position(|b| *b == b'\n')
                 .ok_or_else(|| fault("the header has no end".into()))?;
             let text = std::str::from_utf8(&bytes[at..at + end])
-                .map_err(|_| fault("the header is no text".into()))?;
+                .map_err(|_| fault("the header is not text".into()))?;
             at += end + 1;
             let words: Vec<&str> = text.split_whitespace().collect();
             match words[..] {
@@ -133,11 +133,12 @@ impl<'a> Ply<'a> {
                 ["format", "binary_big_endian", _] => format = Some(Format::Big),
                 ["comment", ref rest @ ..] => comments.push(Comment { line, text: rest.join(" ") }),
                 ["element", name, count] => {
-                    let count = count.parse().map_err(|_| fault(format!("{count:?} is no count")))?;
+                    let count = count.parse().map_err(|_| fault(format!("{count:?} is not a count")))?;
                     elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
                 }
                 ["property", ref rest @ ..] => {
-                    let property = property(rest).ok_or_else(|| fault(format!("{text:?} is no property")))?;
+                    let property =
+                        property(rest).ok_or_else(|| fault(format!("{text:?} is not a property")))?;
                     let element =
                         elements.last_mut().ok_or_else(|| fault("a property of no element".into()))?;
                     element.properties.push(property);
@@ -219,7 +220,7 @@ impl<'a> Ply<'a> {
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         let word = std::str::from_utf8(&rest[..length]).unwrap_or_default();
         self.at += length;
-        let fault = || PlyError::Line { line: self.line + 1, why: format!("{word:?} is no number") };
+        let fault = || PlyError::Line { line: self.line + 1, why: format!("{word:?} is not a number") };
         let double: f64 = word.parse().map_err(|_| fault())?;
         let single = match kind {
             Number::F32 => word.parse().map_err(|_| fault())?,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillpoint_operator::outside::ClockOffset;
 use stillpoint_pipeline::graph::HostTls;
 use stillpoint_pipeline::live::bridge::{BridgeSettings, NetworkEvent, SentCounts, TakenCounts};
-use stillpoint_remote::{Endpoints, Host, HostSettings, HostIdentity, Remote, Tls, TlsFiles};
+use stillpoint_remote::{Endpoints, Host, HostIdentity, HostSettings, Remote, Tls, TlsFiles};
 use stillpoint_transport::Transport;
 
 /// First part of all keys.

@@ -177,7 +177,7 @@ fn unstable(found: &Found) -> Option<String> {
 fn warnings(found: &Found) -> Vec<String> {
     let integrating = found.poles.iter().filter(|p| p.stability() == Stability::Integrating).map(|pole| {
         format!(
-            "{} cannot be told from one on the unit circle (modulus {:.6} +- {:.1e}, 95 %): right for a plant that \
+            "{} cannot be distinguished from one on the unit circle (modulus {:.6} +- {:.1e}, 95 %): right for a plant that \
              integrates its input, whose DC gain says nothing; else record longer, or try another --order",
             place(pole),
             pole.modulus.value,

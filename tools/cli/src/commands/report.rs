@@ -20,7 +20,7 @@ use crate::recorded::with_topics;
 pub struct Report {
     /// The session: a folder of parts, or one file.
     session: PathBuf,
-    /// The file to write. Default: the name of the session with `.html`, beside the session.
+    /// The file to write. Default: the name of the session with `.html`, next to the session.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print every figure of the report as JSON; the HTML file is then written only with --out.

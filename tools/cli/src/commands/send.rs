@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Send a command to a running pipeline. The command becomes a sample that is recorded and replayed. For a target, the
 /// command prints whether the target was taken or refused, and why; a refusal exits with 1. For a capture it prints the
-/// numbers of the proposed reference and writes its picture beside the session, or says why nothing was captured.
+/// numbers of the proposed reference and writes its picture next to the session, or says why nothing was captured.
 #[derive(Args)]
 pub struct Send {
     /// Console and verb, such as `console.arm`.
@@ -177,7 +177,7 @@ fn find(graph: &Graph, name: &str, word: &str) -> Result<usize, Failure> {
     Err(Failure::wrong(if words.is_empty() {
         format!("the pipeline {} has no console: add `console: {{ use: console, every: 20 ms }}`", graph.name)
     } else {
-        format!("`{name}` is no console of this pipeline: write {}", words.join(" or "))
+        format!("`{name}` is not a console of this pipeline: write {}", words.join(" or "))
     }))
 }
 

@@ -32,14 +32,14 @@ impl Stop {
         let folder = card.root.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
         let pid = i32::try_from(card.pid).ok().and_then(Pid::from_raw);
         let pid =
-            pid.ok_or_else(|| Failure::failed(format!("run {}: this is no process number", card.pid)))?;
+            pid.ok_or_else(|| Failure::failed(format!("run {}: this is not a process number", card.pid)))?;
         let begun = Instant::now();
         kill_process(pid, Signal::INT)
             .map_err(|e| Failure::failed(format!("run {} cannot be ended: {e}", card.pid)))?;
         while is_going_on(&folder) {
             if begun.elapsed() > PATIENCE {
                 return Err(Failure::failed(format!(
-                    "run {} ({}) was told to end and runs on after {} s; `stillpoint ps` shows its state",
+                    "run {} ({}) was asked to end and still runs after {} s; `stillpoint ps` shows its state",
                     card.pid,
                     card.pipeline,
                     PATIENCE.as_secs()

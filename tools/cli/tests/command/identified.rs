@@ -129,7 +129,7 @@ fn doubtful_models_are_written_with_a_warning() {
     assert!(!sound.contains("warning"), "{sound}");
     let integrating = text_of(1.0, 0.3);
     assert!(integrating.contains("warning: the pole 1.00") || integrating.contains("warning: the pole 0.99"));
-    assert!(integrating.contains("cannot be told from one on the unit circle"), "{integrating}");
+    assert!(integrating.contains("cannot be distinguished from one on the unit circle"), "{integrating}");
     let unexplained = text_of(0.995, 0.0);
     assert!(unexplained.contains("the input explains nothing"), "{unexplained}");
 }

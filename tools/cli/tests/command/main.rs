@@ -247,7 +247,7 @@ fn echo_refuses_what_it_cannot_show() {
         (&["report", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
         (&["info", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
         (&["replay", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
-        (&["echo", "imu", "--session", "none.mcap"], 1, "this is no MCAP file"),
+        (&["echo", "imu", "--session", "none.mcap"], 1, "this is not an MCAP file"),
         (&["echo", "imu", "--count", "0"], 2, "0 is not in 1.."),
     ] {
         let out = stillpoint(folder.path(), command);

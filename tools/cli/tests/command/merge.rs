@@ -185,7 +185,7 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
     Host { measured: Some(("rig_truth_cluster", [f64::NAN, 0.0])), ..CLUSTER }.record(&at("nan"));
     Host { pipeline: "stillpoint: 1\nname: x\n", ..CLUSTER }.record(&at("broken"));
     create_session(&at("empty")).unwrap();
-    std::fs::write(at("text"), "this is no session").unwrap();
+    std::fs::write(at("text"), "this is not a session").unwrap();
     for (sessions, words) in [
         (["a", "a"], "a and a are both sessions of the host `bedside`"),
         (["a", "other"], "a and other are sessions of different pipelines or settings"),
@@ -194,7 +194,7 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
         (["a", "nan"], "nan: a measurement of a clock cannot be read: the offset NaN s"),
         (["a", "broken"], "broken: the session's pipeline does not fit this build"),
         (["a", "empty"], "empty: no part-000.mcap is in this folder"),
-        (["a", "text"], "text: this is no MCAP file"),
+        (["a", "text"], "text: this is not an MCAP file"),
     ] {
         let output_text = merge(folder.path(), &sessions).unwrap_err();
         assert!(output_text.contains(words), "{sessions:?}: {output_text}");

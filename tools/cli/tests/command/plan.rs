@@ -421,7 +421,7 @@ fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &V
         (refused(&|plan| plan["prescription"] = none()), "c.json: the plan has no prescription"),
         (refused(&|plan| plan["histograms"] = none()), "an older build"),
         (refused(&|plan| plan["structures"][1]["volumes"] = none()), "not at the doses of"),
-        (refused(&|plan| plan["objective"] = Value::Null), "c.json: this is no plan.json"),
+        (refused(&|plan| plan["objective"] = Value::Null), "c.json: this is not a plan.json"),
     ] {
         assert!(output_text.contains(why), "{output_text}");
     }

@@ -95,7 +95,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     section.blocks.push(Block::Text(
         "NIS is the square of what a measurement adds, over what the filter expects it to be; NEES the same of the error of \
-         the estimate, that of the filter itself where it was told the truth, else against the session's truth without the \
+         the estimate, that of the filter itself where it was given the truth, else against the session's truth without the \
          constant offset. Where an estimate's claims are right the mean is the number of channels, and 95 % lie within the \
          bounds. A smaller mean says that it expects more noise than there is, a larger one less. A filter that allows for \
          accelerations which the head does not make has a small NIS for that reason alone."

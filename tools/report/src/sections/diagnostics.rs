@@ -60,7 +60,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     if figures.topics.is_empty() {
         return Ok(section.nothing("The session has no diagnostics."));
     }
-    let sentence = "A unit stands at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
+    let sentence = "A unit is at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
                 the greatest value.";
     section.blocks.push(Block::Text(sentence.into()));
     for topic in &figures.topics {

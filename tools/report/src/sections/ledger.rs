@@ -95,7 +95,7 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
     let sentence = match accounts.from {
         From::Session => "For every edge, sent = received + overwritten + without memory + down + left.",
         From::Journals => {
-            "The session has no end of its own, so this ledger is made of the journals that it kept: what was sent behind \
+            "The session has no end of its own, so this ledger is made of the journals that it recorded: what was sent behind \
              their last entries is not in it."
         }
         From::Nowhere => {

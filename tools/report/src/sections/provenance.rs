@@ -58,7 +58,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     if !figures.files.is_empty() {
         let mut table =
-            Table::new("Files that parameters name, kept in the session", &["file", "bytes", "SHA-256"]);
+            Table::new("Files that parameters name, stored in the session", &["file", "bytes", "SHA-256"]);
         for f in &figures.files {
             let hash = f.sha256.as_deref().unwrap_or("");
             table.row([Cell::text(&f.name), Cell::number(count(f.bytes as u64)), Cell::text(hash)]);

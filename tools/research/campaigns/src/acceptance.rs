@@ -122,7 +122,7 @@ impl Plans {
         let mut rows = Vec::new();
         if !self.json {
             outln!(
-                "| case | beams | bixels, mm | V95%, least | D98 | D2 | HI | Paddick | R50 | beyond 2 cm, % | first cm, % | off: dose, Gy | of: told, finer | off: V95%, % | off: V10, % |"
+                "| case | beams | bixels, mm | V95%, least | D98 | D2 | HI | Paddick | R50 | beyond 2 cm, % | first cm, % | off: dose, Gy | of: reported, finer | off: V95%, % | off: V10, % |"
             );
             outln!("|{}", " --- |".repeat(15));
         }

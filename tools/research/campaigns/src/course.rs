@@ -43,7 +43,7 @@ pub const NETWORK: (&str, &[u8]) = (
 
 /// A pipeline, its changes, and the length of its run.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct RunSpec {
     /// The text of the pipeline.
     pub text: String,
     /// Replacements in the text: old text and new text.
@@ -54,7 +54,7 @@ pub struct Plan {
     pub seconds: f64,
 }
 
-impl Plan {
+impl RunSpec {
     /// Plan of a pipeline without changes. The length of its run is 0 s.
     pub fn of(text: String) -> Self {
         Self { text, changes: Vec::new(), sets: Vec::new(), seconds: 0.0 }
@@ -123,7 +123,7 @@ impl Course {
     ///
     /// # Errors
     /// The pipeline lacks a text that the plan replaces, or it cannot run.
-    pub fn of(plan: &Plan, registry: &Registry) -> Result<Self, Failure> {
+    pub fn of(plan: &RunSpec, registry: &Registry) -> Result<Self, Failure> {
         let mut text = plan.text.clone();
         for (from, to) in &plan.changes {
             if !text.contains(from) {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 use stillpoint_rig::involuntary::{Habit, Involuntary};
 
-use super::course::{Course, Plan, Point};
+use super::course::{Course, RunSpec, Point};
 use super::laws::{self, Law, Runs};
 use super::step::WITHIN;
 use stillpoint::jobs;
@@ -100,9 +100,9 @@ impl Hold {
                 plan
             }
             Body::Eight => {
-                let mut plan = Plan {
+                let mut plan = RunSpec {
                     text: SIX.replace("data/rig.key", "examples/data/rig.key"),
-                    ..Plan::from_camera_to_valve()
+                    ..RunSpec::from_camera_to_valve()
                 };
                 plan.sets.extend([format!("seed={seed}"), format!("rig.seed={seed}")]);
                 plan

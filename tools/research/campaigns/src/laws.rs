@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::course::{NETWORK, Plan};
+use super::course::{NETWORK, RunSpec};
 use stillpoint::EMBEDDED;
 
 /// A control law.
@@ -45,19 +45,19 @@ pub fn in_pipeline() -> (&'static str, Law) {
 
 /// Plan of the default pipeline with a law, a rise time of its reference model, and a seed for camera and person. A law
 /// other than the pipeline's has its own default gains.
-pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
+pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> RunSpec {
     let (name, now) = in_pipeline();
     let changes = law.filter(|law| *law != now).and_then(|law| {
         let line = EMBEDDED.lines().find(|line| line.contains(&format!("use: {},", now.kind())))?;
         let (without_gains, _) = line.split_once(", params:")?;
         Some((line.to_owned(), format!("{} }}", without_gains.replace(now.kind(), law.kind()))))
     });
-    let whole = Plan::from_camera_to_valve();
+    let whole = RunSpec::from_camera_to_valve();
     let mut sets = vec![format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
     if law == Some(Law::MracLstm) {
         sets.extend([format!("{name}.features=lstm"), format!("{name}.model={}", NETWORK.0)]);
     }
-    Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
+    RunSpec { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
 }
 
 /// How a measurement makes its runs.
@@ -79,7 +79,7 @@ pub struct Runs {
 
 impl Runs {
     /// Sets the parameters of a run: last those of the command line.
-    pub fn set(&self, plan: &mut Plan) {
+    pub fn set(&self, plan: &mut RunSpec) {
         if self.small {
             plan.sets.extend(small());
         }
@@ -103,7 +103,7 @@ mod tests {
         let (name, now) = in_pipeline();
         assert!(EMBEDDED.contains(&format!("  {name}: {{ use: {},", now.kind())));
         for law in Law::ALL {
-            let plan = Plan { seconds: 0.1, ..plan(Some(law), "20 s", 1) };
+            let plan = RunSpec { seconds: 0.1, ..plan(Some(law), "20 s", 1) };
             assert_eq!(plan.changes.iter().any(|(_, to)| to.contains(law.kind())), law != now, "{law:?}");
             assert_eq!(Course::of(&plan, &registry).unwrap().failed, [] as [&str; 0], "{law:?}");
         }

@@ -106,7 +106,7 @@ pub fn print(this: &[Row], other: &[Row]) -> Result<(), Failure> {
         counts[standing as usize] += 1;
         let nearer = a.found.iter().zip(&b.found).filter(|(a, b)| size(&a.rms) < size(&b.rms)).count();
         outln!(
-            "{:<28} {:>8.3} beside {:>8.3}, nearer with {nearer} of {} seeds: {}",
+            "{:<28} {:>8.3} against {:>8.3}, nearer with {nearer} of {} seeds: {}",
             a.case,
             middle(&a.found),
             middle(&b.found),

@@ -1,7 +1,7 @@
 //! The trials of each set of gains in a search. A trial is a run of the default pipeline without its camera, with a
 //! disturbance or a fault.
 
-use super::course::{Course, Plan, from_model, worst};
+use super::course::{Course, RunSpec, from_model, worst};
 use super::laws::{self, Law};
 use super::robust::{self, LEAD};
 use super::step::{self, MOVES, WITHIN};
@@ -124,12 +124,12 @@ const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
 
 impl Trial {
     /// The plan of this trial with a law, a seed, and gains as `operator.param=value`.
-    pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {
+    pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> RunSpec {
         let mut plan = without_camera(laws::plan(Some(law), &format!("{} s", self.pace.rise), seed));
         plan.changes.extend(self.changes.iter().map(|(from, to)| ((*from).to_owned(), (*to).to_owned())));
         let sets = [MOVES].into_iter().chain(self.sets.iter().copied());
         plan.sets.extend(sets.map(str::to_owned).chain(gains.iter().cloned()));
-        Plan { seconds: LEAD + self.pace.seconds, ..plan }
+        RunSpec { seconds: LEAD + self.pace.seconds, ..plan }
     }
 
     /// Cost of a run of this trial.
@@ -140,7 +140,7 @@ impl Trial {
 
 /// A plan of the default pipeline whose poses are the truth at the point that the tracker follows, every 100 ms, with the
 /// noise and the latency of the tracker.
-pub fn without_camera(mut plan: Plan) -> Plan {
+pub fn without_camera(mut plan: RunSpec) -> RunSpec {
     // The run fails with an error if the pipeline lacks these texts.
     let between = |from: &str, to: &str| {
         let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);

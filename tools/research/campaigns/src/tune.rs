@@ -4,7 +4,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
-use super::course::{Course, Plan};
+use super::course::{Course, RunSpec};
 use super::laws::{self, Law};
 use super::search::{ROUND, search};
 use super::trials::{COUNT, HELD_OUT, TRAINING, Trial, held};
@@ -156,7 +156,7 @@ impl Tune {
                 let all = seeds.iter().flat_map(|seed| trials.iter().map(move |t| (*seed, t)));
                 all.map(|(seed, trial)| (trial, trial.plan(law, seed, &sets))).collect::<Vec<_>>()
             };
-            let jobs: Vec<(&Trial, Plan)> = places.iter().flat_map(one).collect();
+            let jobs: Vec<(&Trial, RunSpec)> = places.iter().flat_map(one).collect();
             jobs::each(&jobs, jobs::threads(self.threads), |(trial, plan)| {
                 Ok(trial.cost(&Course::of(plan, registry)?))
             })

@@ -108,7 +108,8 @@ impl Batch {
         let (width, outputs) =
             (self.inputs.len() / self.count.max(1), self.changes.len() / self.count.max(1));
         let mut retained = Self { count: 0, inputs: Vec::new(), changes: Vec::new(), ends: Vec::new() };
-        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, last))| is_retained(*run, *last)) {
+        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, last))| is_retained(*run, *last))
+        {
             retained.count += 1;
             retained.inputs.extend_from_slice(&self.inputs[window * width..(window + 1) * width]);
             retained.changes.extend_from_slice(&self.changes[window * outputs..(window + 1) * outputs]);

@@ -105,7 +105,10 @@ pub fn predictions(
             batch.errors(data.outputs(), |window, _, predicted| {
                 let (run, last) = batch.ends[window];
                 let changes = tones[run][last].iter().zip(data.scale());
-                predicted.iter_mut().zip(changes).for_each(|(predicted, (change, scale))| *predicted = change / scale);
+                predicted
+                    .iter_mut()
+                    .zip(changes)
+                    .for_each(|(predicted, (change, scale))| *predicted = change / scale);
             }),
             errors(network, &batch),
         ];

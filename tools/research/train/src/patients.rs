@@ -132,7 +132,8 @@ impl Patients {
                 }
                 periodic.search(TICK);
                 if tick == 0 {
-                    predicted.push(changes(&periodic, time, ahead).map(|(i, change)| change / law[i]).collect());
+                    predicted
+                        .push(changes(&periodic, time, ahead).map(|(i, change)| change / law[i]).collect());
                 }
                 periodic.rates(time + 0.5 * TICK, &mut rates);
                 for i in 0..2 {

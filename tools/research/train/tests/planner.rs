@@ -11,7 +11,7 @@ use stillpoint_network::{Coarseness, Due, Eye, Game, Group, Model, Patient, Rule
 use stillpoint_plan::beams::Ring;
 use stillpoint_train::TrainError;
 use stillpoint_train::planner::{
-    Checkpoint, Done, Example, Network, Options, Players, Ready, Schedule, Progress, Training, Weights, loss,
+    Checkpoint, Done, Example, Network, Options, Players, Progress, Ready, Schedule, Training, Weights, loss,
     scales, train,
 };
 

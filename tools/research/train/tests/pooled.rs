@@ -16,7 +16,7 @@ use common::patient;
 use simulated::{CALM, Part, Simulated, build};
 use stillpoint_network::{Rules, Sizes};
 use stillpoint_pool::{ClientSettings, Pool};
-use stillpoint_train::planner::{Here, Options, Players, Pooled, Schedule, Progress, Weights, train};
+use stillpoint_train::planner::{Here, Options, Players, Pooled, Progress, Schedule, Weights, train};
 
 /// Spacing of the doses: coarse, so that games are short.
 const GRID_MM: f64 = 24.0;

@@ -34,7 +34,8 @@ fn outputs_and_gradients_are_those_of_the_vectors() {
     network.set(&tensors).unwrap();
     let predicted = network.forward_all(&flat(&given["x"]), 6).unwrap();
     let expected = flat(&out["y"]);
-    for (found, expected) in predicted.flatten_all().unwrap().to_vec1::<f32>().unwrap().iter().zip(&expected) {
+    for (found, expected) in predicted.flatten_all().unwrap().to_vec1::<f32>().unwrap().iter().zip(&expected)
+    {
         assert!((found - expected).abs() < 1e-6, "{found} {expected}");
     }
     // (4.39) sums over the steps; the loss here is the mean over rows, of which there are six.
@@ -69,7 +70,8 @@ fn the_plain_network_says_what_the_tensors_say() {
     let network = Network::new(9, &[9, 6, 6], 3, 7).unwrap();
     let plain = network.plain(&network.numbers().unwrap()).unwrap();
     let numbers: Vec<f32> = (0..54).map(|i| (i as f32 * 0.7).sin()).collect();
-    let predicted = network.forward(&numbers, 6, None).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let predicted =
+        network.forward(&numbers, 6, None).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
     let (mut memory, mut y) = (plain.memory(), [0.0; 3]);
     for sample in numbers.chunks_exact(9) {
         let sample: Vec<f64> = sample.iter().map(|v| f64::from(*v)).collect();

@@ -53,7 +53,7 @@ pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
     {
         return Err(SetupError(format!(
             "{name}: others may read this key file (mode {mode:04o}), so others may command the rig: draw another key \
-             and say `chmod 600 {name}`"
+             and run `chmod 600 {name}`"
         )));
     }
     Key::parse(&text).map_err(|e| SetupError(format!("{name}: {e}")))

@@ -84,7 +84,7 @@ fn what_cannot_work_is_refused_when_it_is_made() {
         assert!(vague.contains("the frame `camera` has a residual of 3 mm, more than 1 mm"), "{vague}");
     }
     let frames = fault("dwell: 200 ms", "extrinsic: { frames: [kamera] }", "gate");
-    assert!(frames.contains("`kamera` in `extrinsic.frames` is no frame"), "{frames}");
+    assert!(frames.contains("`kamera` in `extrinsic.frames` is not a frame"), "{frames}");
     assert_eq!(
         fault("key: rig.key, dwell", "key: rig.key, extrinsic: { frames: [camera] }, dwell", "gate"),
         ""
@@ -99,7 +99,7 @@ fn a_key_file_without_a_key_is_refused_by_its_name() {
     let fault = Bench::new(&text(&Said::default()), "valves", &stages, &files).err().unwrap();
     assert_eq!(
         fault,
-        "rig.key: line 1 of the key file has a character at 1 that is no hexadecimal digit: a key is 64 of 0-9 and a-f"
+        "rig.key: line 1 of the key file has a character at 1 that is not a hexadecimal digit: a key is 64 of 0-9 and a-f"
     );
 }
 

@@ -21,7 +21,7 @@ pub fn reach(params: &ReachParams, channels: &Channels) -> Result<[[f64; 2]; 6],
         };
         if !(low <= 0.0 && high >= 0.0) {
             return Err(SetupError(format!(
-                "`reach.{name}` is from {low} to {high} {}: the start, 0, must lie in it",
+                "`reach.{name}` is from {low} to {high} {}: it must contain the start, 0",
                 channel.unit()
             )));
         }

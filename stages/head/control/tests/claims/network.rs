@@ -153,8 +153,8 @@ fn a_file_of_something_else_is_refused_with_what_is_wrong() {
         ("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", "is neither F32 nor F64"),
         ("\"shape\":[36,9]", "\"shape\":[36,8]", "invalid shape, data type, or offset"),
         ("z,pitch,roll", "z,pitch,rool", "names a channel that does not exist"),
-        ("\"bladders\":\"3\"", "\"bladders\":\"2\"", "has 9 numbers where 7 are due"),
-        ("\"window\":\"6\"", "\"window\":\"x\"", "is no number"),
+        ("\"bladders\":\"3\"", "\"bladders\":\"2\"", "has 9 numbers where 7 are expected"),
+        ("\"window\":\"6\"", "\"window\":\"x\"", "is not a number"),
     ] {
         let error = text(from, to);
         assert!(error.contains(words), "{error}");

@@ -247,7 +247,7 @@ impl Operator for IngestRos2 {
         };
         match recording::check(files, file, &params.topic, params.camera_info.as_deref()) {
             Ok(Some(reading)) if reading != params.reading() => {
-                Err(refused(format!("its messages on {} are no {}", params.topic, params.type_name())))
+                Err(refused(format!("its messages on {} are not {}", params.topic, params.type_name())))
             }
             Ok(_) => Ok(()),
             Err(reason) => Err(refused(reason)),

@@ -53,7 +53,7 @@ pub enum PlyError {
     },
     /// A line of numbers is not a row of its element.
     #[error(
-        "row {row} of its element `{element}`, `{found}`, has {count} numbers where {expected} are due: are there as many \
+        "row {row} of its element `{element}`, `{found}`, has {count} numbers where {expected} are expected: are there as many \
          rows as the header says?"
     )]
     Row {

@@ -176,7 +176,7 @@ impl Header {
                         return refuse("a property has a number type of PLY, such as `float`");
                     };
                     let Some(element) = elements.last_mut() else {
-                        return refuse("a property stands behind its element");
+                        return refuse("a property comes after its element");
                     };
                     let (name, count) = ((*name).to_owned(), count.flatten());
                     element.properties.push(Property { name, count, scalar });

@@ -86,7 +86,7 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
                 name: "truth",
                 sample: Pose::KIND,
                 frame: FrameRule::Named(COUCH),
-                about: "The head's true pose, couch_from_head; its origin lies between the ear canals.",
+                about: "The head's true pose, couch_from_head; its origin is between the ear canals.",
             },
             Output {
                 name: "state",

@@ -32,7 +32,7 @@ pub enum Rejection {
         needed: usize,
     },
     /// What stands over the plane is too little or in too small pieces.
-    #[error("{above} voxels stand over the plane and no cluster of them has {needed}")]
+    #[error("{above} voxels are over the plane and no cluster of them has {needed}")]
     NoCluster {
         /// Voxels over the plane.
         above: usize,
@@ -40,7 +40,7 @@ pub enum Rejection {
         needed: usize,
     },
     /// No object above the plane has the size and roundness of a head.
-    #[error("{above} voxels stand over the plane and none of them are a head, which has {needed}")]
+    #[error("{above} voxels are over the plane and none of them are a head, which has {needed}")]
     NoHead {
         /// Voxels over the plane.
         above: usize,
@@ -91,7 +91,7 @@ fn placed(place: nalgebra::Vector3<f64>) -> String {
 fn text_of(candidate: &Candidate, what: &str) -> String {
     let others = candidate.in_region.min(candidate.shape);
     let lacks = if candidate.alone < 1.0 && candidate.alone <= others {
-        "cannot be cut from an arm or a pad beside it"
+        "cannot be cut from an arm or a pad next to it"
     } else if candidate.in_region < candidate.shape {
         "is out of the region"
     } else {

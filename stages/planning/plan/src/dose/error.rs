@@ -74,8 +74,8 @@ pub enum DoseError {
     NoPatient,
     /// No ray of a beam crosses both the target and the patient.
     #[error(
-        "no bixel of the beam at {gantry_deg} degrees meets the patient: the target lies outside of the outline, or at its \
-         edge; check the outline and the target, or allow bixels beside the patient with `--flash`"
+        "no bixel of the beam at {gantry_deg} degrees meets the patient: the target is outside of the outline, or at its \
+         edge; check the outline and the target, or allow bixels that miss the patient with `--flash`"
     )]
     NoBixel {
         /// Gantry angle.
@@ -103,7 +103,7 @@ pub enum DoseError {
     },
     /// What was computed is no matrix.
     #[error(
-        "the dose of the beam at {gantry_deg} degrees is no matrix: {fault}; check the machine's kernels"
+        "the dose of the beam at {gantry_deg} degrees is not a matrix: {fault}; check the machine's kernels"
     )]
     Matrix {
         /// Gantry angle.
@@ -113,7 +113,7 @@ pub enum DoseError {
     },
     /// What was computed is too large to be kept.
     #[error(
-        "the dose of the beam at {gantry_deg} degrees cannot be kept: {fault}; take wider bixels or a coarser grid"
+        "the dose of the beam at {gantry_deg} degrees cannot be stored: {fault}; take wider bixels or a coarser grid"
     )]
     Rows {
         /// Gantry angle.

@@ -24,7 +24,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 const MAGIC: &[u8; 8] = b"SPDOSE02";
 const HEADER: usize = 80;
-const _: () = assert!(cfg!(target_endian = "little"), "dose files are read where they lie");
+const _: () = assert!(cfg!(target_endian = "little"), "dose files are read from a folder");
 
 /// SHA-256 of all that a beam's dose depends on.
 pub(super) type Key = [u8; 32];
@@ -36,7 +36,7 @@ pub enum BeamFileError {
     #[error("{0}")]
     File(#[from] io::Error),
     /// It is another kind of file.
-    #[error("it is no dose file of version 2")]
+    #[error("it is not a dose file of version 2")]
     Magic,
     /// It belongs to other inputs.
     #[error("it is the dose of another patient, machine or beam")]
@@ -62,7 +62,7 @@ pub enum BeamFileError {
         stored: u32,
     },
     /// A bixel or the angle is not finite.
-    #[error("a bixel's place or the gantry angle is no number")]
+    #[error("a bixel's place or the gantry angle is not a number")]
     Place,
     /// Its entries are no matrix.
     #[error("{0}")]

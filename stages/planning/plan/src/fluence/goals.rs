@@ -37,7 +37,7 @@ pub enum GoalsError {
     },
     /// Voxels do not rise, or lie outside the grid.
     #[error(
-        "the voxels of {name} must rise and lie within the {voxels} of the dose grid; number {at} does not"
+        "the voxels of {name} must rise and be within the {voxels} of the dose grid; number {at} does not"
     )]
     Voxel {
         /// The structure.

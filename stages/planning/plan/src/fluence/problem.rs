@@ -83,7 +83,7 @@ pub enum ProblemError {
     )]
     Overflow,
     /// Arrays that belong together differ in length.
-    #[error("{what} has {found} numbers, {expected} are due")]
+    #[error("{what} has {found} numbers, {expected} are expected")]
     Length {
         /// Which array.
         what: &'static str,

@@ -59,7 +59,7 @@ enum Side {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum LimitError {
     /// It has no bound.
-    #[error("`{0}` is no limit; write a quantity, `<=` or `>=`, and a number, such as `V75Gy[%] <= 15`")]
+    #[error("`{0}` is not a limit; write a quantity, `<=` or `>=`, and a number, such as `V75Gy[%] <= 15`")]
     Bound(String),
     /// Its quantity is none.
     #[error(transparent)]
@@ -247,9 +247,9 @@ mod tests {
         let organ = || Of::Structure { name: "Rectum".into(), patterns: vec![] };
         let fault = |of: Of, text: &str| Limit::new(of, text, "").unwrap_err().to_string();
         for text in ["V75Gy[%]", "V75Gy[%] < 15", "V75Gy[%] <= x", "V75Gy[%] <= nan", "1 <= V75Gy[%] <= 2"] {
-            assert!(fault(organ(), text).contains("is no limit"), "{text}");
+            assert!(fault(organ(), text).contains("is not a limit"), "{text}");
         }
-        assert!(fault(organ(), "V75[%] <= 15").contains("is no quantity"));
+        assert!(fault(organ(), "V75[%] <= 15").contains("is not a quantity"));
         assert!(fault(organ(), "R50 <= 5").contains("a quantity of plans"));
         assert!(fault(Of::Plan, "Mean[Gy] <= 5").contains("a quantity of structures"));
         assert!(fault(organ(), "Paddick >= 0.8").contains("a quantity of targets"));

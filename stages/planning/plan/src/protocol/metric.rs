@@ -68,7 +68,7 @@ pub enum VolumeUnit {
 /// A text is no metric.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error(
-    "`{0}` is no quantity of a plan; write one like `V75Gy[%]`, `V95%[%]`, `D95%[Gy]`, `D0.03cc[Gy]`, `Mean[Gy]`, `Paddick`, \
+    "`{0}` is not a quantity of a plan; write one like `V75Gy[%]`, `V95%[%]`, `D95%[Gy]`, `D0.03cc[Gy]`, `Mean[Gy]`, `Paddick`, \
      `HI`, `R50`, `D2cm[%]` or `Entry[%]`"
 )]
 pub struct MetricError(pub String);

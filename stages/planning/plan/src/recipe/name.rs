@@ -130,7 +130,7 @@ impl MethodName {
             Self::Random => "The best of uniformly drawn sets",
             Self::Greedy => "Beams are added one by one, by price",
             Self::Exchange => {
-                "Exchanges single beams as long as the objective improves, priced beside the beams that stay; starts from class solutions or rotations, then from random sets"
+                "Exchanges single beams as long as the objective improves, priced against the beams that stay; starts from class solutions or rotations, then from random sets"
             }
             Self::Annealing => "Simulated annealing: starts from the greedy set and makes random exchanges",
             Self::Columns => {
@@ -169,7 +169,7 @@ impl PriorName {
     pub fn about(self) -> &'static str {
         match self {
             Self::Uniform => "All beams are alike",
-            Self::Price => "Prices beside the beams that stay; this takes solves of smaller sets",
+            Self::Price => "Prices against the beams that stay; this takes solves of smaller sets",
             Self::Geometry => "Ways through the body and through organs, from the image alone",
             Self::Class => "The usual angles for the pelvis with 5 or 7 beams",
             Self::Network => {

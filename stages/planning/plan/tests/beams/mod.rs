@@ -193,7 +193,7 @@ fn every_method_keeps_to_the_budget_and_to_the_separation() {
                 "{method:?} solves a set twice"
             );
         }
-        assert!(choice.best.plan.certificate.relative_excess() < 1e-3, "{method:?} is no solve");
+        assert!(choice.best.plan.certificate.relative_excess() < 1e-3, "{method:?} is not a solve");
     }
 }
 

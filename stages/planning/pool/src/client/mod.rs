@@ -236,7 +236,7 @@ impl Client {
             Message::Wrong { content, peer } if self.roster.workers().contains_key(from) => {
                 self.sources.doubt(&peer);
                 self.news.push(format!(
-                    "worker `{peer}` is no source of contents any more: what it gave to `{from}` as {content:.16} was \
+                    "worker `{peer}` is no longer a source of contents: what it gave to `{from}` as {content:.16} was \
                      something else"
                 ));
             }

@@ -33,12 +33,12 @@ pub fn cases(name: &str) -> Vec<Case> {
 }
 
 pub fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 /// The numbers of an array.
 pub fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap_or_else(|| panic!("{value} is no array")).iter().map(number).collect()
+    value.as_array().unwrap_or_else(|| panic!("{value} is not an array")).iter().map(number).collect()
 }
 
 /// The numbers of an array of known length.

@@ -153,7 +153,7 @@ pub fn import_described_as(json: &Path, names: &NameTable, scale: Scale) -> Resu
     let counts = description.shape_xyz;
     if counts.iter().any(|&n| n < 2) {
         return Err(disagree(format!(
-            "{counts:?} voxels are no volume: 2 or more along each axis are required"
+            "{counts:?} voxels are not volume: 2 or more along each axis are required"
         )));
     }
     let grid = Grid { counts, spacing_mm: description.spacing_mm, origin_mm: description.origin_mm };
@@ -212,7 +212,9 @@ fn hounsfield(name: &str, values: Values) -> Result<Vec<i16>, String> {
                 if range.contains(&hu) {
                     return Ok(hu as i16);
                 }
-                Err(format!("{name} holds {value}, which is no Hounsfield unit (allowed: -32768 to 32767)"))
+                Err(format!(
+                    "{name} holds {value}, which is not a Hounsfield unit (allowed: -32768 to 32767)"
+                ))
             })
             .collect(),
         Values::U8(_) | Values::U16(_) | Values::U32(_) => {
@@ -263,7 +265,7 @@ fn dose(name: &str, values: Values) -> Result<Vec<f32>, String> {
 /// The values of a volume beside the JSON, which must lie on the grid that the JSON says.
 fn sibling(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError> {
     if Path::new(name).file_name() != Some(name.as_ref()) {
-        let why = format!("{name:?} is no plain file name: volumes lie in the folder of the JSON");
+        let why = format!("{name:?} is not a plain file name: volumes must be in the folder of the JSON");
         return Err(DescribedError::Disagree { path: json.to_owned(), why });
     }
     let path = json.with_file_name(name);
@@ -287,7 +289,7 @@ fn sibling(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedErro
         || !near(found.origin_mm, grid.origin_mm, SAME_MM)
     {
         let why = format!(
-            "it lies on {:?} voxels, spacing {:?} mm, origin {:?} mm, but the JSON says {:?}, {:?}, {:?}",
+            "it has {:?} voxels, spacing {:?} mm, origin {:?} mm, but the JSON says {:?}, {:?}, {:?}",
             found.counts, found.spacing_mm, found.origin_mm, grid.counts, grid.spacing_mm, grid.origin_mm
         );
         return Err(DescribedError::Disagree { path, why });

@@ -66,7 +66,7 @@ pub enum CaseFileError {
         source: Box<CaseFileError>,
     },
     /// Another kind of file.
-    #[error("this is no case file of version 1: make one with `stillpoint case import`")]
+    #[error("this is not a case file of version 1: make one with `stillpoint case import`")]
     Magic,
     /// The file ends early.
     #[error("the case file ends early, in {0}: copy it again, or import the case again")]

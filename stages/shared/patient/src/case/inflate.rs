@@ -11,13 +11,13 @@ const LARGEST_RATIO: usize = 1032;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum InflateError {
     /// There are fewer bytes than expected.
-    #[error("the compressed data end early: {expected} bytes are due")]
+    #[error("the compressed data end early: {expected} bytes are expected")]
     Short {
         /// Bytes that were due.
         expected: usize,
     },
     /// There are more bytes than expected.
-    #[error("the compressed data go on beyond the {expected} bytes that are due")]
+    #[error("the compressed data go on beyond the {expected} bytes that are expected")]
     Long {
         /// Bytes that were due.
         expected: usize,

@@ -45,7 +45,7 @@ pub struct Volume {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NrrdError {
     /// Another kind of file.
-    #[error("this is no NRRD file: it does not start with `NRRD000`")]
+    #[error("this is not an NRRD file: it does not start with `NRRD000`")]
     Magic,
     /// No empty line ends the header.
     #[error("the NRRD header does not end in an empty line: the file is cut off or no NRRD; copy it again")]
@@ -150,7 +150,7 @@ pub fn read_nrrd(bytes: &[u8]) -> Result<Volume, NrrdError> {
         Err(NrrdError::Field {
             field: "data file",
             text: name.to_owned(),
-            why: "a volume in memory has no files beside it: write header and data in one file",
+            why: "a volume in memory has no files next to it: write header and data in one file",
         })
     })
 }
@@ -312,15 +312,15 @@ fn grid(fields: &Fields<'_>) -> Result<(Grid, [bool; 3]), NrrdError> {
     for count in &mut counts {
         match words.next().and_then(|w| w.parse().ok()) {
             Some(n) => *count = n,
-            None => return fault("sizes", sizes, "three whole numbers are due"),
+            None => return fault("sizes", sizes, "three whole numbers are expected"),
         }
     }
     if words.next().is_some() {
-        return fault("sizes", sizes, "three whole numbers are due");
+        return fault("sizes", sizes, "three whole numbers are expected");
     }
     let text = expected(fields.directions, "space directions")?;
     let Some(directions) = vectors::<3>(text) else {
-        return fault("space directions", text, "three vectors like (3,0,0) are due");
+        return fault("space directions", text, "three vectors like (3,0,0) are expected");
     };
     let mut spacing_mm = [0.0; 3];
     let mut flipped = [false; 3];
@@ -341,7 +341,7 @@ fn grid(fields: &Fields<'_>) -> Result<(Grid, [bool; 3]), NrrdError> {
     }
     let text = expected(fields.origin, "space origin")?;
     let Some([origin_mm]) = vectors::<1>(text) else {
-        return fault("space origin", text, "one vector like (-250,-250,-160) is due");
+        return fault("space origin", text, "one vector like (-250,-250,-160) is expected");
     };
     // Of an axis that runs against the frame, the last voxel is the first of the grid.
     let first = |axis: usize| {

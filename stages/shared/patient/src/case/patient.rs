@@ -68,7 +68,7 @@ pub struct Case {
 pub enum CaseError {
     /// A name is empty, long, or holds characters that are no text.
     #[error(
-        "{name:?} is no name for a {what}: give 1 to {LONGEST_NAME} characters of printable text{}", if *what == CASE { " without slashes" } else { "" }
+        "{name:?} is not a name for a {what}: give 1 to {LONGEST_NAME} characters of printable text{}", if *what == CASE { " without slashes" } else { "" }
     )]
     Name {
         /// Case or structure.
@@ -332,7 +332,7 @@ fn check_prescription(parts: &CaseParts) -> Result<(), CaseError> {
             }
             Some(s) if s.role != Role::Target => {
                 return fault(format!(
-                    "the structure is no target (its role is {}): make it one by a names table (`--names`), like {{\"structures\": [{{\"role\": \"target\", \"match\": [{structure:?}]}}]}}",
+                    "the structure is not a target (its role is {}): make it one by a names table (`--names`), like {{\"structures\": [{{\"role\": \"target\", \"match\": [{structure:?}]}}]}}",
                     s.role.word()
                 ));
             }

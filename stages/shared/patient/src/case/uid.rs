@@ -14,7 +14,7 @@ pub struct Uid(String);
 
 /// Why a text is no UID.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{text:?} is no UID: it must be numbers joined by dots, at most 64 characters")]
+#[error("{text:?} is not a UID: it must be numbers joined by dots, at most 64 characters")]
 pub struct UidError {
     text: String,
 }

@@ -28,7 +28,7 @@ pub enum SurfaceFileError {
     #[error("the file does not say where the isocentre is: give it, in the frame of the surface")]
     NoIsocentre,
     /// A patient position that there is not.
-    #[error("{0:?} is no patient position: HFS, HFP, FFS or FFP")]
+    #[error("{0:?} is not a patient position: HFS, HFP, FFS or FFP")]
     Position(String),
     /// A size that no patient has.
     #[error("the surface is {0:.4} mm long, which no patient is: write the mesh in millimetres")]

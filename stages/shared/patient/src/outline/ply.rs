@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(read.mesh.vertices_mm[2], [1.0, 1.0, 0.0]);
         let broken = String::from_utf8(text.to_vec()).unwrap().replace("4 0 1 2 3", "4 0 1 x 3");
-        assert_eq!(read_ply(broken.as_bytes()).unwrap_err().to_string(), "line 15: \"x\" is no number");
+        assert_eq!(read_ply(broken.as_bytes()).unwrap_err().to_string(), "line 15: \"x\" is not a number");
         let points = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
         assert_eq!(read_ply(points.as_bytes()).unwrap_err(), MeshError::NoTriangles);
     }

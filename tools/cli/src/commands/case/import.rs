@@ -17,7 +17,7 @@ use crate::quantity::quantity;
 /// The case file keeps UIDs, but no name, ID or birth date of the patient.
 #[derive(Args)]
 pub struct Import {
-    /// A folder with a CT series and its RTSTRUCT, or the JSON beside NRRD volumes, or a folder with one such JSON.
+    /// A folder with a CT series and its RTSTRUCT, or the JSON next to NRRD volumes, or a folder with one such JSON.
     from: PathBuf,
     /// The case file to write.
     #[arg(long)]
@@ -41,10 +41,10 @@ pub struct Import {
     /// prescription, or of all targets if none has one.
     #[arg(long, allow_hyphen_values = true)]
     isocentre: Option<String>,
-    /// DICOM: how the patient lies, where the images do not say it: HFS, HFP, FFS or FFP.
+    /// DICOM: the position of the patient, where the images do not say it: HFS, HFP, FFS or FFP.
     #[arg(long)]
     position: Option<String>,
-    /// Take values that are no Hounsfield units of a patient: a phantom of other materials, or images in other units.
+    /// Take values that are not Hounsfield units of a patient: a phantom of other materials, or images in other units.
     #[arg(long)]
     any_hounsfield: bool,
     /// Refuse what would be left out: empty contours, regions of another frame of reference, files and keys that cannot be

@@ -153,7 +153,7 @@ fn beam_topic<'s>(session: &'s Session, requested: Option<&str>) -> Result<&'s T
             )
         }),
         Some(name) => both.find(|t| t.name == name).ok_or_else(|| {
-            Failure::wrong(format!("{name} is no recorded state of a far end or of a gate of the session"))
+            Failure::wrong(format!("{name} is not a recorded state of a far end or of a gate of the session"))
         }),
     }
 }

@@ -82,7 +82,7 @@ pub struct PlanArgs {
     /// How far within the edge of the patient, as the source sees him, every ray of a bixel runs at least.
     #[arg(long, value_name = "LENGTH", default_value = "0mm")]
     pub(super) body_margin: String,
-    /// Let bixels run beside the patient, up to this length from his edge, for targets at the skin.
+    /// Let bixels miss the patient, up to this length from the edge, for targets at the skin.
     #[arg(long, value_name = "LENGTH", conflicts_with = "body_margin")]
     pub(super) flash: Option<String>,
     /// Output folder; the default is `plans/CASE`.

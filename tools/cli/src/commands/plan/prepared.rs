@@ -44,7 +44,7 @@ impl Prepared {
         notes.extend(replaced.map(|fault| format!("a cached dose was computed again: {fault}")));
         notes.extend(leaving_outline(&setup.case).into_iter().map(|(name, outside_cm3, whole_cm3)| {
             format!(
-                "{name}: {outside_cm3:.2} of its {whole_cm3:.2} cm3 lie outside of the outline of the patient and get no \
+                "{name}: {outside_cm3:.2} of its {whole_cm3:.2} cm3 are outside of the outline of the patient and get no \
                  dose; they count in its figures"
             )
         }));

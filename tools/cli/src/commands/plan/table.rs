@@ -182,7 +182,7 @@ fn limits(protocol: &str, limits: &[Judged]) {
         table.row([j.structure.clone(), j.limit.clone(), value, word, j.source.clone()]);
     }
     let count = |requested: Option<bool>| limits.iter().filter(|j| j.passed == requested).count();
-    outln!("\nprotocol {protocol}: {} limits kept, {} not kept\n", count(Some(true)), count(Some(false)));
+    outln!("\nprotocol {protocol}: {} limits passed, {} failed\n", count(Some(true)), count(Some(false)));
     out!("{table}");
     let missing: Vec<&str> =
         limits.iter().filter(|j| j.passed.is_none()).map(|j| j.structure.as_str()).collect();

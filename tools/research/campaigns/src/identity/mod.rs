@@ -201,7 +201,7 @@ fn print(rows: &[Row], rate: Rate) {
     let with_beam = wrong.iter().filter(|r| r.seen.beam_at.is_some()).count();
     outln!("  captures of what is not the head: {}, of these with beam: {with_beam}", wrong.len());
     outln!("  beam on beyond the bound of {} ms: {}", rate.bound(), rows.iter().filter(|r| r.astray).count());
-    outln!("  captured, of those in which a capture is due: {taken} of {}", due.len());
+    outln!("  captured, of those in which a capture is expected: {taken} of {}", due.len());
     outln!("  with beam: {beams}");
     outln!(
         "{:<14} {:>6} {:>9} {:>9} {:>9}  first reasons",

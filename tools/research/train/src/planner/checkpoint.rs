@@ -75,8 +75,8 @@ impl Checkpoint {
         let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| fault(e.to_string()))?;
         let text = header.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
-        let text =
-            text.ok_or_else(|| fault("it is no checkpoint of `stillpoint-research train planner`".into()))?;
+        let text = text
+            .ok_or_else(|| fault("it is not a checkpoint of `stillpoint-research train planner`".into()))?;
         let header: Header = serde_json::from_str(text).map_err(|e| fault(e.to_string()))?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(|e| fault(e.to_string()))?;
         let read = |kind: &str| -> Result<Vec<Vec<f32>>, TrainError> {

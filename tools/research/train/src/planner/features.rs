@@ -34,13 +34,15 @@ impl Features {
         let Coarseness { grid_mm, bixel_mm } = patient.coarse;
         let path = self.0.join(format!("{}-{grid_mm}-{bixel_mm}.features", patient.name()));
         let retained = !matches!(patient.body, Body::File(_));
-        if let Some(eye) = std::fs::read(&path).ok().filter(|_| retained).and_then(|bytes| from_bytes(&bytes)) {
+        if let Some(eye) = std::fs::read(&path).ok().filter(|_| retained).and_then(|bytes| from_bytes(&bytes))
+        {
             return Ok(eye);
         }
         let problem = patient.problem().map_err(plan)?;
         let angles = usize::from(ring().map_err(plan)?.count());
         let machine = Machine::shipped().map_err(plan)?;
-        let eye = Eye::of_case(problem.case(), problem.requested(), &machine, angles, bixel_mm).map_err(plan)?;
+        let eye =
+            Eye::of_case(problem.case(), problem.requested(), &machine, angles, bixel_mm).map_err(plan)?;
         if !retained {
             return Ok(eye);
         }

@@ -38,9 +38,9 @@ pub use examples::{Example, States, scales};
 pub use features::Features;
 pub use loss::{Weights, loss};
 pub use network::{Loaded, Network};
-pub use players::{Done, Here, Stored, Players, not_played};
+pub use players::{Done, Here, Players, Stored, not_played};
 pub use pooled::Pooled;
-pub use selfplay::{Schedule, Report, Progress, Trained, train};
+pub use selfplay::{Progress, Report, Schedule, Trained, train};
 pub use training::{Options, Pass, Ready, Training};
 
 /// An error of planning.

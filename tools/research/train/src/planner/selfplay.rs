@@ -13,7 +13,7 @@ use super::exam::{Exam, Summary};
 use super::examples::{Example, scales};
 use super::features::Features;
 use super::plan;
-use super::players::{Stored, Players, file};
+use super::players::{Players, Stored, file};
 use super::training::{Options, Pass, Ready, Training, check};
 use crate::TrainError;
 
@@ -154,7 +154,8 @@ impl Run<'_> {
         let mut training = Training::new(about, options.clone(), scales(&examples))?;
         let mut buffer = Buffer::new(schedule.buffer);
         buffer.add(&training, examples)?;
-        let neighbour: Vec<Ready> = neighbour.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
+        let neighbour: Vec<Ready> =
+            neighbour.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
         match checkpoint.exists() {
             true => training.resume(&checkpoint)?,
             // Weights of another training that had no checkpoint yet.

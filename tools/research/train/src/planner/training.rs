@@ -190,7 +190,8 @@ impl Training {
 /// Refuses options that cannot be.
 pub fn check(options: &Options) -> Result<(), TrainError> {
     let Sizes { structure, ring, angle, neighbour, pair, set, layers } = options.sizes;
-    let wrong = [structure, ring, angle, neighbour, pair, set].into_iter().find(|n| !(1..=WIDEST).contains(n));
+    let wrong =
+        [structure, ring, angle, neighbour, pair, set].into_iter().find(|n| !(1..=WIDEST).contains(n));
     for (what, value, must, holds) in [
         ("the learning rate", options.rate, "above 0, up to 1", options.rate > 0.0 && options.rate <= 1.0),
         ("the number of passes", options.passes as f64, "at least 1", options.passes > 0),

@@ -100,7 +100,7 @@ pub(super) fn leaving(grid: &Grid, structures: &[Structure], notes: &mut Vec<Str
         if outside > 0 {
             let volume = |voxels: usize| voxels as f64 * grid.voxel_cm3();
             notes.push(format!(
-                "{:?} leaves the outline {:?}: {:.2} of its {:.2} cm3 lie outside of it and get no dose",
+                "{:?} leaves the outline {:?}: {:.2} of its {:.2} cm3 are outside of it and get no dose",
                 structure.name,
                 outline.name,
                 volume(outside),

@@ -109,7 +109,7 @@ impl<'a> SideBySide<'a> {
         if self.plans.iter().any(|p| p.shown().protocol.is_some()) {
             row("protocol", &|p| p.shown().protocol.as_ref().map_or("-".to_owned(), |p| p.name.clone()));
             let count = |p: &Compared, passed| p.limits().iter().filter(|j| j.passed == Some(passed)).count();
-            row("limits kept, not kept", &|p| format!("{}, {}", count(p, true), count(p, false)));
+            row("limits passed, failed", &|p| format!("{}, {}", count(p, true), count(p, false)));
         }
         rows
     }

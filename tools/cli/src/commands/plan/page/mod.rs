@@ -72,7 +72,7 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
     }
     if let Some(protocol) = &request.protocol {
         let count = |requested| limits.iter().filter(|j| j.passed == Some(requested)).count();
-        let text = format!("{} kept, {} not", count(true), count(false));
+        let text = format!("{} passed, {} failed", count(true), count(false));
         tiles.push(Tile::state(&format!("limits of {}", protocol.name), text, count(false) == 0));
     }
     if let Some(leaves) = &outcome.leaves {
