@@ -22,20 +22,20 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Bridge(commands::bridge::Bridge),
-    Router(commands::router::Router),
-    Worker(commands::worker::Worker),
-    Pool(commands::pool::Pool),
-    Pki(commands::pki::Pki),
+    Router(stillpoint_arguments::Router),
+    Worker(stillpoint_arguments::Worker),
+    Pool(stillpoint_arguments::Pool),
+    Pki(stillpoint_arguments::Pki),
     PlanClient(commands::plan_client::PlanClient),
 }
 
 fn main() -> ExitCode {
     match Arguments::parse().command {
         Command::Bridge(command) => command.execute(),
-        Command::Router(command) => command.execute(),
-        Command::Worker(command) => command.execute(),
-        Command::Pool(command) => command.execute(),
-        Command::Pki(command) => command.execute(),
+        Command::Router(command) => commands::router::execute(command),
+        Command::Worker(command) => commands::worker::execute(&command),
+        Command::Pool(command) => commands::pool::execute(&command),
+        Command::Pki(command) => commands::pki::execute(command),
         Command::PlanClient(command) => command.execute(),
     }
 }

@@ -13,7 +13,7 @@ pub enum Standing {
     Accepted,
 }
 
-/// How beams are chosen; `docs/guide/planning.md` describes each method.
+/// How beams are chosen; `docs/science/beams.md` describes each method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum MethodChoice {
     /// Equally spaced beams; every rotation is tried.

@@ -6,11 +6,12 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use clap::Args;
+use stillpoint_arguments::TlsArgs;
 use stillpoint_pool::pipe::{read_frame, write_frame};
 use stillpoint_remote::{Mailbox, Tls};
 
 use super::exchange::{ended, open};
-use super::tls::{TlsArgs, Use, allow};
+use super::tls::{Use, allow, load};
 
 /// Carry the messages of `stillpoint plan --pool`, which starts it: frames on standard input and output.
 #[derive(Args)]
@@ -31,7 +32,7 @@ impl PlanClient {
     fn try_execute(self) -> Result<(), String> {
         let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos();
         let name = format!("plan-{}-{born:x}", std::process::id());
-        let tls = self.tls.load()?;
+        let tls = load(&self.tls)?;
         allow(tls.as_deref(), &Use::Ask)?;
         let place: Arc<OnceLock<Mailbox>> = Arc::default();
         let filled = place.clone();

@@ -4,82 +4,67 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use clap::Args;
+use stillpoint_arguments::Pool;
 use stillpoint_pool::{Build, Hello, Message};
 use stillpoint_remote::Mailbox;
 
 use super::exchange::{PREFIX, ended};
-use super::tls::{TlsArgs, Use, allow};
-
-/// List the workers of a pool: load, calls a second, cache, and whether they are of this build.
-#[derive(Args)]
-pub struct Pool {
-    /// Endpoint of a router or of a listening worker.
-    #[arg(value_name = "ENDPOINT")]
-    connect: String,
-    #[command(flatten)]
-    tls: TlsArgs,
-    /// Seconds for which it listens.
-    #[arg(long, default_value_t = 2.0)]
-    seconds: f64,
-}
+use super::tls::{Use, allow, load};
 
 struct Received {
     first: (Instant, u64),
     last: (Instant, Hello),
 }
 
-impl Pool {
-    /// Executes the subcommand.
-    pub fn execute(self) -> ExitCode {
-        ended(self.try_execute())
-    }
+/// Executes the subcommand.
+pub fn execute(arguments: &Pool) -> ExitCode {
+    ended(try_execute(arguments))
+}
 
-    fn try_execute(self) -> Result<(), String> {
-        if !(0.5..=3600.0).contains(&self.seconds) {
-            return Err(format!("--seconds {}: give 0.5 to 3600", self.seconds));
-        }
-        let build = Build::here()?;
-        let tls = self.tls.load()?;
-        allow(tls.as_deref(), &Use::List)?;
-        let name = format!("look-{}", std::process::id());
-        let mailbox = Mailbox::open(PREFIX, &name, &self.connect, tls).map_err(|e| e.to_string())?;
-        let until = Instant::now() + Duration::from_secs_f64(self.seconds);
-        let mut workers: BTreeMap<String, Received> = BTreeMap::new();
-        loop {
-            let rest = until.saturating_duration_since(Instant::now());
-            if rest.is_zero() {
-                break;
-            }
-            let arrival: Option<(String, Vec<u8>)> = mailbox.receive(rest);
-            let Some((from, bytes)) = arrival else { continue };
-            let Ok(Message::Hello(hello)) = Message::from_bytes(&bytes) else { continue };
-            let now = Instant::now();
-            let first = Received { first: (now, hello.answered), last: (now, hello.clone()) };
-            workers.entry(from).or_insert(first).last = (now, hello);
-        }
-        if workers.is_empty() {
-            return Err(format!("no worker greeted within {} s at {}", self.seconds, self.connect));
-        }
-        for (name, Received { first, last: (at, hello) }) in &workers {
-            let seconds = at.duration_since(first.0).as_secs_f64();
-            let new = hello.answered.saturating_sub(first.1) as f64;
-            println!(
-                "{name}: {} of {} slots in use, {} waiting, {} answered ({} from the cache), {:.1} calls/s, cache {} of {} MB",
-                hello.running,
-                hello.slots,
-                hello.waiting,
-                hello.answered,
-                hello.known,
-                if seconds > 0.0 { new / seconds } else { 0.0 },
-                hello.cache / 1_000_000,
-                hello.cache_most / 1_000_000
-            );
-            match hello.build == build.text() {
-                true => println!("  build: as here"),
-                false => println!("  build: {}\n  here:  {}", hello.build, build.text()),
-            }
-        }
-        Ok(())
+fn try_execute(arguments: &Pool) -> Result<(), String> {
+    if !(0.5..=3600.0).contains(&arguments.seconds) {
+        return Err(format!("--seconds {}: give 0.5 to 3600", arguments.seconds));
     }
+    let build = Build::here()?;
+    let tls = load(&arguments.tls)?;
+    allow(tls.as_deref(), &Use::List)?;
+    let name = format!("look-{}", std::process::id());
+    let mailbox = Mailbox::open(PREFIX, &name, &arguments.connect, tls).map_err(|e| e.to_string())?;
+    let until = Instant::now() + Duration::from_secs_f64(arguments.seconds);
+    let mut workers: BTreeMap<String, Received> = BTreeMap::new();
+    loop {
+        let rest = until.saturating_duration_since(Instant::now());
+        if rest.is_zero() {
+            break;
+        }
+        let arrival: Option<(String, Vec<u8>)> = mailbox.receive(rest);
+        let Some((from, bytes)) = arrival else { continue };
+        let Ok(Message::Hello(hello)) = Message::from_bytes(&bytes) else { continue };
+        let now = Instant::now();
+        let first = Received { first: (now, hello.answered), last: (now, hello.clone()) };
+        workers.entry(from).or_insert(first).last = (now, hello);
+    }
+    if workers.is_empty() {
+        return Err(format!("no worker greeted within {} s at {}", arguments.seconds, arguments.connect));
+    }
+    for (name, Received { first, last: (at, hello) }) in &workers {
+        let seconds = at.duration_since(first.0).as_secs_f64();
+        let new = hello.answered.saturating_sub(first.1) as f64;
+        println!(
+            "{name}: {} of {} slots in use, {} waiting, {} answered ({} from the cache), {:.1} calls/s, cache {} of {} MB",
+            hello.running,
+            hello.slots,
+            hello.waiting,
+            hello.answered,
+            hello.known,
+            if seconds > 0.0 { new / seconds } else { 0.0 },
+            hello.cache / 1_000_000,
+            hello.cache_most / 1_000_000
+        );
+        match hello.build == build.text() {
+            true => println!("  build: as here"),
+            false => println!("  build: {}\n  here:  {}", hello.build, build.text()),
+        }
+    }
+    Ok(())
 }

@@ -4,37 +4,24 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::Args;
+use stillpoint_arguments::Router;
 use stillpoint_remote::{Router as Session, Tls};
 
 use super::exchange::{Ending, PREFIX, ended};
-use super::tls::TlsArgs;
+use super::tls::load;
 
 /// How often the files of the certificate are looked at.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// Pass on samples between hosts that cannot reach each other. Such hosts name its endpoint as `router` in the pipeline.
-/// It holds no state and runs until Ctrl-C.
-#[derive(Args)]
-pub struct Router {
-    /// Endpoint at which hosts reach it, as `tcp/ADDRESS:PORT`, or `tls/ADDRESS:PORT` with a certificate; the next port is used, too.
-    #[arg(long, value_name = "ENDPOINT", required = true)]
-    listen: Vec<String>,
-    #[command(flatten)]
-    tls: TlsArgs,
+/// Executes the subcommand.
+pub fn execute(arguments: Router) -> ExitCode {
+    ended(try_execute(arguments))
 }
 
-impl Router {
-    /// Executes the subcommand.
-    pub fn execute(self) -> ExitCode {
-        ended(self.try_execute())
-    }
-
-    fn try_execute(self) -> Result<(), String> {
-        let ending = Ending::watch()?;
-        Hub::open(self.listen, self.tls.load()?)?.run(&ending);
-        Ok(())
-    }
+fn try_execute(arguments: Router) -> Result<(), String> {
+    let ending = Ending::watch()?;
+    Hub::open(arguments.listen, load(&arguments.tls)?)?.run(&ending);
+    Ok(())
 }
 
 /// A router that takes a new certificate when there is one. zenoh reads the certificate of a listening session once, so

@@ -1,36 +1,19 @@
 //! The certificate of a subcommand.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
+use stillpoint_arguments::TlsArgs;
 use stillpoint_remote::{Role, Tls, TlsFiles};
 
-/// The files of a certificate; `stillpoint pki` makes them.
-#[derive(Args, Clone)]
-pub struct TlsArgs {
-    /// Certificate of this program, PEM. With it, endpoints are `tls/ADDRESS:PORT`.
-    #[arg(long, value_name = "FILE", requires_all = ["key", "authority"])]
-    certificate: Option<PathBuf>,
-    /// Key of the certificate, PEM; only its owner may read it.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
-    key: Option<PathBuf>,
-    /// Certificate of the authority that signs all certificates, PEM.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
-    authority: Option<PathBuf>,
-}
-
-impl TlsArgs {
-    /// The certificate, read and checked; none if none is given.
-    pub fn load(&self) -> Result<Option<Arc<Tls>>, String> {
-        let (Some(certificate), Some(key), Some(authority)) =
-            (self.certificate.clone(), self.key.clone(), self.authority.clone())
-        else {
-            return Ok(None);
-        };
-        let tls = Tls::load(&TlsFiles { certificate, key, authority }).map_err(|e| e.to_string())?;
-        Ok(Some(Arc::new(tls)))
-    }
+/// The certificate, read and checked; none if none is given.
+pub fn load(arguments: &TlsArgs) -> Result<Option<Arc<Tls>>, String> {
+    let TlsArgs { certificate: Some(certificate), key: Some(key), authority: Some(authority) } =
+        arguments.clone()
+    else {
+        return Ok(None);
+    };
+    let tls = Tls::load(&TlsFiles { certificate, key, authority }).map_err(|e| e.to_string())?;
+    Ok(Some(Arc::new(tls)))
 }
 
 /// What a program does in the planning pool.

@@ -2,100 +2,65 @@
 
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use clap::Args;
+use stillpoint_arguments::Worker;
 use stillpoint_pool::{Build, Hash, Job, Store, To, Worker as State, WorkerSettings};
 use stillpoint_remote::Mailbox;
 
 use super::exchange::{Ending, ended, open};
 use super::router::Hub;
-use super::tls::{TlsArgs, Use, allow};
+use super::tls::{Use, allow, load};
 
 /// How the names of workers begin: access lists know workers by it.
 const NAMES: &str = "worker-";
 /// Longest time between two looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 
-/// Compute calls for those who plan. A worker holds nothing that matters: it may be ended at any time.
-#[derive(Args)]
-pub struct Worker {
-    /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`.
-    #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen")]
-    connect: Option<String>,
-    /// Endpoint at which this worker is a router, too; it uses this port and the next one. Its certificate must be
-    /// that of a router.
-    #[arg(long, value_name = "ENDPOINT", conflicts_with = "connect")]
-    listen: Option<String>,
-    #[command(flatten)]
-    tls: TlsArgs,
-    /// Name of the worker behind `worker-`; the default is made of its process number and the time.
-    #[arg(long)]
-    name: Option<String>,
-    /// Calls that are computed at the same time. Default: as many as there are cores.
-    #[arg(long)]
-    slots: Option<NonZeroUsize>,
-    /// Folder in which arguments and answers are kept. Each worker needs one of its own.
-    #[arg(long, value_name = "DIR", default_value = "pool-cache")]
-    cache: PathBuf,
-    /// The most megabytes of that folder.
-    #[arg(long, value_name = "MB", default_value_t = 8000)]
-    cache_mb: u64,
-    /// The most megabytes of arguments that are kept open in memory.
-    #[arg(long, value_name = "MB", default_value_t = 2000)]
-    memory_mb: u64,
-    /// Answers from this one on are wrong: a test of those who ask.
-    #[arg(long, hide = true)]
-    wrong_from: Option<u64>,
+/// Executes the subcommand.
+pub fn execute(arguments: &Worker) -> ExitCode {
+    ended(try_execute(arguments))
 }
 
-impl Worker {
-    /// Executes the subcommand.
-    pub fn execute(self) -> ExitCode {
-        ended(self.try_execute())
+fn try_execute(arguments: &Worker) -> Result<(), String> {
+    let ending = Ending::watch()?;
+    let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos() as u64;
+    let name = arguments.name.clone().unwrap_or_else(|| format!("{}-{born:x}", std::process::id()));
+    let name = if name.starts_with(NAMES) { name } else { format!("{NAMES}{name}") };
+    let build = Build::here()?;
+    let store = Store::open(&arguments.cache, arguments.cache_mb.saturating_mul(1_000_000))?;
+    let slots = match arguments.slots {
+        Some(slots) => slots.get(),
+        None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+    };
+    let tls = load(&arguments.tls)?;
+    allow(tls.as_deref(), &Use::Compute)?;
+    let hub = match &arguments.listen {
+        Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone())?),
+        None => None,
+    };
+    let endpoint = match (&arguments.connect, &arguments.listen) {
+        (Some(endpoint), _) => endpoint.clone(),
+        // The router of this process, by loopback where it listens at all addresses.
+        (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
+        (None, None) => return Err("give --connect or --listen".to_owned()),
+    };
+    let hub = hub.map(|hub| {
+        let ending = ending.clone();
+        std::thread::spawn(move || hub.run(&ending))
+    });
+    let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
+    println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
+    let most_open = arguments.memory_mb.saturating_mul(1_000_000);
+    let settings = WorkerSettings { build, incarnation: born, slots, most_open };
+    serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, arguments.wrong_from);
+    if let Some(hub) = hub {
+        let _ = hub.join();
     }
-
-    fn try_execute(self) -> Result<(), String> {
-        let ending = Ending::watch()?;
-        let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos() as u64;
-        let name = self.name.clone().unwrap_or_else(|| format!("{}-{born:x}", std::process::id()));
-        let name = if name.starts_with(NAMES) { name } else { format!("{NAMES}{name}") };
-        let build = Build::here()?;
-        let store = Store::open(&self.cache, self.cache_mb.saturating_mul(1_000_000))?;
-        let slots = match self.slots {
-            Some(slots) => slots.get(),
-            None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
-        };
-        let tls = self.tls.load()?;
-        allow(tls.as_deref(), &Use::Compute)?;
-        let hub = match &self.listen {
-            Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone())?),
-            None => None,
-        };
-        let endpoint = match (&self.connect, &self.listen) {
-            (Some(endpoint), _) => endpoint.clone(),
-            // The router of this process, by loopback where it listens at all addresses.
-            (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
-            (None, None) => return Err("give --connect or --listen".to_owned()),
-        };
-        let hub = hub.map(|hub| {
-            let ending = ending.clone();
-            std::thread::spawn(move || hub.run(&ending))
-        });
-        let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
-        println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
-        let most_open = self.memory_mb.saturating_mul(1_000_000);
-        let settings = WorkerSettings { build, incarnation: born, slots, most_open };
-        serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, self.wrong_from);
-        if let Some(hub) = hub {
-            let _ = hub.join();
-        }
-        Ok(())
-    }
+    Ok(())
 }
 
 enum Happened {

@@ -5,27 +5,17 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::Command;
 
-use clap::Args;
-
 use crate::exit::{Ended, Failure};
 
 const PROGRAM: &str = "stillpoint-bridge";
 
-/// Arguments that the other program reads.
-#[derive(Args)]
-#[command(disable_help_flag = true)]
-pub struct Bridge {
-    /// Arguments of the same subcommand of `stillpoint-bridge`; `--help` lists them.
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENTS")]
-    arguments: Vec<String>,
-}
-
-impl Bridge {
-    /// Becomes the other program with this subcommand.
-    pub fn execute(&self, subcommand: &str) -> Ended {
-        let error = command()?.arg(subcommand).args(&self.arguments).exec();
-        Err(Failure::failed(format!("{PROGRAM} cannot be started: {error}")))
-    }
+/// Becomes the other program with the arguments of this one, which were read for their faults and their help alone.
+///
+/// # Errors
+/// The other program is not there, or cannot be started.
+pub fn hand_over() -> Ended {
+    let error = command()?.args(std::env::args_os().skip(1)).exec();
+    Err(Failure::failed(format!("{PROGRAM} cannot be started: {error}")))
 }
 
 /// The program, which stands beside this one or is named in the environment.

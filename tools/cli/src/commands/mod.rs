@@ -87,13 +87,13 @@ pub enum Command {
     /// Compute the dose that the patient of a session got from a plan.
     Delivered(Box<delivered::Delivered>),
     /// Compute calls of plans for other hosts (by stillpoint-bridge).
-    Worker(bridge::Bridge),
+    Worker(stillpoint_arguments::Worker),
     /// List the workers of a planning pool (by stillpoint-bridge).
-    Pool(bridge::Bridge),
+    Pool(stillpoint_arguments::Pool),
     /// Pass on messages between hosts (by stillpoint-bridge).
-    Router(bridge::Bridge),
+    Router(stillpoint_arguments::Router),
     /// Make the certificates of hosts, workers and routers (by stillpoint-bridge).
-    Pki(bridge::Bridge),
+    Pki(stillpoint_arguments::Pki),
     /// Measure the speed and accuracy of this build on this machine.
     Bench(bench::Bench),
 }
@@ -127,10 +127,7 @@ impl Command {
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
             Self::Delivered(c) => c.execute(registry),
-            Self::Worker(c) => c.execute("worker"),
-            Self::Pool(c) => c.execute("pool"),
-            Self::Router(c) => c.execute("router"),
-            Self::Pki(c) => c.execute("pki"),
+            Self::Worker(_) | Self::Pool(_) | Self::Router(_) | Self::Pki(_) => bridge::hand_over(),
             Self::Bench(c) => c.execute(),
         }
     }

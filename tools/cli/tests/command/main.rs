@@ -305,6 +305,30 @@ fn what_is_not_there_is_named_and_nothing_panics() {
 }
 
 #[test]
+fn worker_pool_router_and_pki_show_their_help_and_their_faults_without_the_program_of_the_network() {
+    let call = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_stillpoint"))
+            .args(arguments)
+            .env("STILLPOINT_BRIDGE", "/nowhere/stillpoint-bridge")
+            .output()
+            .unwrap()
+    };
+    for (subcommand, option) in
+        [("worker", "--cache-mb"), ("pool", "--seconds"), ("router", "--listen"), ("pki", "certificate")]
+    {
+        let help = call(&[subcommand, "--help"]);
+        assert_eq!(help.status.code(), Some(0), "{subcommand}");
+        assert!(text(&help.stdout).contains(option), "{subcommand}: {}", text(&help.stdout));
+        let misspelled = call(&[subcommand, "--lissten", "tcp/0.0.0.0:7447"]);
+        assert_eq!(misspelled.status.code(), Some(2), "{subcommand}: {}", text(&misspelled.stderr));
+        assert!(text(&misspelled.stderr).contains("--lissten"), "{subcommand}");
+    }
+    let missing = call(&["router", "--listen", "tcp/0.0.0.0:7447"]);
+    assert_eq!(missing.status.code(), Some(1), "{}", text(&missing.stderr));
+    assert!(text(&missing.stderr).contains("/nowhere/stillpoint-bridge is not there"));
+}
+
+#[test]
 fn a_bedside_without_the_program_of_the_network_is_refused_with_the_command_that_builds_it() {
     let folder = tempfile::tempdir().unwrap();
     let out = Command::new(env!("CARGO_BIN_EXE_stillpoint"))

@@ -10,7 +10,7 @@ pub const ASTRAY: [f64; 3] = [1.5, 0.8, 0.8];
 /// Maximum pressure of a bladder, Pa.
 pub const PRESSURE: f64 = 40e3;
 /// Time within which the beam is off after the true pose left the tolerance, or after the last measurement: 1.5 frame
-/// periods of 100 ms and 20 ms, ns (docs/guide/actuation.md, "Time to beam off").
+/// periods of 100 ms and 20 ms, ns (docs/guide/gate.md, "Time to beam off").
 const POSE_TIME: u64 = 170_000_000;
 /// Time within which the beam is off after actuation stopped following: `lead`, ns.
 const LEAD: u64 = 40_000_000;

@@ -1,13 +1,15 @@
-//! `docs/guide/actuation.md` names every reason with its bit, and every refusal.
+//! The pages of valves, gate and datagrams name every reason with its bit, and every refusal.
 
 use stillpoint_actuate::{DatagramRefusal, Key};
 use stillpoint_samples::{ActuationReason, GateReason};
 
-const PAGE: &str = include_str!("../../../../../docs/guide/actuation.md");
+const VALVES: &str = include_str!("../../../../../docs/guide/actuation.md");
+const GATE: &str = include_str!("../../../../../docs/guide/gate.md");
+const DATAGRAMS: &str = include_str!("../../../../../docs/reference/datagrams.md");
 
 /// The rows of the table of bits that follows a heading.
-fn rows(heading: &str) -> Vec<(u32, &'static str)> {
-    let (_, section) = PAGE.split_once(heading).unwrap();
+fn rows(page: &'static str, heading: &str) -> Vec<(u32, &'static str)> {
+    let (_, section) = page.split_once(heading).unwrap();
     let section = section.split("\n#").next().unwrap();
     let row = |line: &'static str| {
         let mut cells = line.trim_matches('|').split('|').map(str::trim);
@@ -21,14 +23,14 @@ fn the_page_lists_every_reason_with_its_bit() {
     let bits = |all: &'static [(&'static str, u32)]| -> Vec<(u32, &'static str)> {
         all.iter().map(|(word, bit)| (bit.trailing_zeros(), *word)).collect()
     };
-    assert_eq!(rows("### Reasons"), bits(ActuationReason::ALL));
-    assert_eq!(rows("## The gate"), bits(GateReason::ALL));
+    assert_eq!(rows(VALVES, "### Reasons"), bits(ActuationReason::ALL));
+    assert_eq!(rows(GATE, "## The gate"), bits(GateReason::ALL));
 }
 
 #[test]
 fn the_page_lists_every_refusal() {
     for refusal in DatagramRefusal::ALL {
-        assert!(PAGE.contains(&format!("`{}`", refusal.name())), "{refusal:?}");
+        assert!(DATAGRAMS.contains(&format!("`{}`", refusal.name())), "{refusal:?}");
     }
 }
 

@@ -134,7 +134,7 @@ fn the_c_shape_of_tg_119_meets_its_published_goals() {
 /// The same, the harder goals: at most 5 % of the core get 10 Gy. With bixels of the width of a collimator's leaves the plan
 /// stays 0.6 Gy below the goal of the PTV's D95 and 0.3 Gy above that of its D10.
 #[test]
-#[ignore = "takes minutes; docs/guide/planning.md has the command that makes the same plan"]
+#[ignore = "takes minutes; docs/results/plans.md has the command that makes the same plan"]
 fn the_c_shape_of_tg_119_comes_near_to_its_harder_goals() {
     let Some(case) = c_shape() else { return };
     let (reported, _) = nine_beams(&case, &with_shipped(TG119_HARDER), [5.0, 3.0]);

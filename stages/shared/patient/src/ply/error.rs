@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// Why a file gives no cloud. Lines count from 1.
+/// Why bytes are no PLY file that can be read. Lines and rows count from 1.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PlyError {
@@ -13,14 +13,14 @@ pub enum PlyError {
     #[error("its lines end with CR alone, as on old Macs: convert them to LF")]
     CarriageReturns,
     /// A line of the header is none of PLY.
-    #[error("line {line} of the header is `{found}`: {allowed}")]
+    #[error("line {line} of the header is `{found}`: {expected}")]
     Header {
         /// The line.
         line: usize,
         /// The start of the text found.
         found: String,
         /// What is wrong with it.
-        allowed: &'static str,
+        expected: &'static str,
     },
     /// The header does not end.
     #[error("its header has no `end_header` in its {lines} lines")]
@@ -77,6 +77,18 @@ pub enum PlyError {
         row: usize,
         /// The start of the word.
         found: String,
+    },
+    /// A list of a binary row has a count that is none.
+    #[error(
+        "row {row} of its element `{element}` has a list of {count} numbers (allowed: a whole number from 0)"
+    )]
+    ListLength {
+        /// Name of the element.
+        element: String,
+        /// The row, from 1.
+        row: usize,
+        /// The count, as text.
+        count: String,
     },
     /// There is more data than the header says.
     #[error("{0}")]
