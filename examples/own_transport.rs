@@ -18,7 +18,7 @@ struct Link {
     receiver: Option<Channel>,
     waiting: VecDeque<Vec<u8>>,
     discarded: u64,
-    refusal: Option<Refusal>,
+    refusal: Option<LinkRefusal>,
 }
 
 /// The sender's or the receiver's end, until it is closed.
@@ -56,9 +56,10 @@ impl Sender for End {
             let (found, expected, longest) = (self.1.name(), receiver.name(), receiver.longest());
             // Another type, layout or frame: its bytes would be read as something else.
             if found != expected {
-                link.refusal = Some(Refusal::OtherChannel { peer: "memory".into(), found, expected });
+                link.refusal = Some(LinkRefusal::OtherChannel { peer: "memory".into(), found, expected });
             } else if bytes.len() > longest {
-                link.refusal = Some(Refusal::TooLong { peer: "memory".into(), bytes: bytes.len(), longest });
+                link.refusal =
+                    Some(LinkRefusal::TooLong { peer: "memory".into(), bytes: bytes.len(), longest });
             } else {
                 link.waiting.push_back(bytes);
                 let surplus = link.waiting.len().saturating_sub(MOST_WAITING);
