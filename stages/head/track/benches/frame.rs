@@ -38,7 +38,7 @@ const STEPS: usize = SegmentationStep::NAMES.len() + 3;
 /// What a pose needs: as `track.head` by default.
 const NEEDED: Needed = Needed { overlap: 0.5, tolerance: 5e-3 };
 
-struct SeenFrame {
+struct Frame {
     name: String,
     counts: Vec<u16>,
 }
@@ -47,7 +47,7 @@ struct Sequence {
     name: String,
     width: usize,
     camera: Intrinsics,
-    frames: Vec<SeenFrame>,
+    frames: Vec<Frame>,
 }
 
 /// CPU time of this thread, ms.
@@ -68,7 +68,7 @@ fn rig(setting: Setting, noise: NoiseParams, name: &str) -> Result<Sequence, Box
         let view = renderer.render(&script.couch_from_head(10.0 + number as f64 * 0.1))?;
         let mut counts = vec![0; pinhole.pixels()];
         sensor.sense(view, &mut ChaCha8Rng::seed_from_u64(number), &mut counts)?;
-        frames.push(SeenFrame { name: number.to_string(), counts });
+        frames.push(Frame { name: number.to_string(), counts });
     }
     let camera = Intrinsics { fx: 566.0, fy: 566.0, cx: 319.5, cy: 239.5, metres_per_count: 1e-4 };
     Ok(Sequence { name: format!("rig, {setting:?}, {name}"), width: 640, camera, frames })
@@ -91,7 +91,7 @@ fn rendered(folder: &Path, sensor: &str) -> Result<Sequence, Box<dyn Error>> {
     for path in names {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if name.starts_with(sensor) && name.ends_with("_depth.png") {
-            frames.push(SeenFrame { name, counts: decode_png(&std::fs::read(&path)?)?.counts });
+            frames.push(Frame { name, counts: decode_png(&std::fs::read(&path)?)?.counts });
         }
     }
     let set = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();

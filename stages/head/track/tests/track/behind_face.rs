@@ -19,7 +19,7 @@ use stillpoint_track::HeadTracker;
 use stillpoint_track::planned::{Foreign, Limits, Planned, Registered};
 
 use crate::planned::{GREATEST, LEAST, Random, SURFACE, difference, drawn};
-use crate::scene::SeenFrame;
+use crate::scene::Frame;
 
 /// Distance of the voxels of the CTs, and the air around the head, mm.
 const SPACING_MM: f64 = 2.0;
@@ -58,14 +58,13 @@ pub fn numbers() -> std::ops::Range<u64> {
 /// The face of a patient in the camera's frame, if a capture is due: one head, at most a third of it hidden, seen from
 /// within 60 degrees of its front.
 fn face_of(p: &Patient, number: u64) -> Option<Vec<Vector3<f64>>> {
-    let frame = |scene: &Scene| {
-        SeenFrame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number)
-    };
+    let frame =
+        |scene: &Scene| Frame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number);
     if !p.has_head() || !p.is_plain() || p.off_front > 60.0 {
         return None;
     }
     let (seen, alone) = (frame(&p.scene), frame(&Scene::new(Vec::new(), -0.85)));
-    let count = |frame: &SeenFrame| frame.head.iter().filter(|h| **h).count();
+    let count = |frame: &Frame| frame.head.iter().filter(|h| **h).count();
     if 3 * count(&seen) < 2 * count(&alone) {
         return None;
     }

@@ -18,7 +18,7 @@ use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter};
 use crate::behind_face::numbers;
 use crate::head::{bench, feed, isometry};
 use crate::planned::Random;
-use crate::scene::SeenFrame;
+use crate::scene::Frame;
 
 /// Frames after the capture, and the time between them, s.
 const FRAMES: u64 = 12;
@@ -71,7 +71,7 @@ fn capture(p: &Patient, number: u64) -> Option<Capture> {
     for k in 0..=FRAMES {
         let truth = motion.couch_from_head(PERIOD * k as f64);
         let head = worn.on_head(p.scale).unwrap();
-        let frame = SeenFrame::of_head(&p.kind, camera, &p.scene, head, &truth, 1000 * number + k);
+        let frame = Frame::of_head(&p.kind, camera, &p.scene, head, &truth, 1000 * number + k);
         let cloud = Cloud { points: &frame.cloud, width: frame.width };
         let found = segmenter.segment(cloud, &mut Random::seed_from_u64(number));
         let Ok(face) = found.face else { continue };

@@ -4,7 +4,7 @@
 
 use crate::drawn::{Drawn, drawn, numbers};
 use crate::rendered::errors;
-use crate::scene::{KINECT_V1, KINECT_V2, STRUCTURED, SeenFrame};
+use crate::scene::{Frame, KINECT_V1, KINECT_V2, STRUCTURED};
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -44,7 +44,7 @@ fn found(scene: &Drawn, truth: &[Isometry3<f64>], number: u64) -> Result<(Vec<Is
     let camera = &scene.couch_from_camera;
     for (k, couch_from_head) in truth.iter().enumerate() {
         let seed = 100 * number + k as u64;
-        let frame = SeenFrame::of(&scene.kind, camera, &scene.scene, scene.scale, couch_from_head, seed);
+        let frame = Frame::of(&scene.kind, camera, &scene.scene, scene.scale, couch_from_head, seed);
         let cloud = Cloud { points: &frame.cloud, width: frame.width };
         let face = segmenter.segment(cloud, &mut rng).face.map_err(|why| format!("frame {k}: {why}"))?;
         least = least.min(frame.iou(face));

@@ -29,7 +29,7 @@ fn pose(element: &PoseElement) -> Isometry3<f64> {
 }
 
 /// A frame since the capture.
-struct SeenFrame {
+struct Frame {
     index: usize,
     report: PoseReportElement,
     pose: Option<PoseElement>,
@@ -47,7 +47,7 @@ struct Scene {
     is_tof: bool,
     /// Frame that became the reference, and the head's share of its points.
     captured: Option<(usize, f64)>,
-    frames: Vec<SeenFrame>,
+    frames: Vec<Frame>,
     proven: Option<usize>,
 }
 
@@ -150,7 +150,7 @@ fn measured(root: &Path) -> Scene {
         if report.proof == Proof::Proven as u32 {
             scene.proven.get_or_insert(k - first);
         }
-        let mut frame = SeenFrame {
+        let mut frame = Frame {
             index: k,
             report,
             pose: pose_of(k),
@@ -198,7 +198,7 @@ impl Scene {
         faces.map(|f| 1e3 * (f.error - rest).norm()).collect()
     }
 
-    fn share(&self, of: impl Fn(&&SeenFrame) -> bool) -> f64 {
+    fn share(&self, of: impl Fn(&&Frame) -> bool) -> f64 {
         let all = self.frames.iter().filter(&of).count();
         self.frames.iter().filter(&of).filter(|f| f.pose.is_some()).count() as f64 / all as f64
     }
@@ -252,7 +252,7 @@ fn pooled(scenes: &[Scene]) {
             }
             let captured = of.iter().filter(|s| s.captured.is_some()).count();
             let frames = || of.iter().flat_map(|s| &s.frames);
-            let share = |pick: &dyn Fn(&SeenFrame) -> bool| {
+            let share = |pick: &dyn Fn(&Frame) -> bool| {
                 let all = frames().filter(|f| pick(f)).count();
                 frames().filter(|f| pick(f) && f.pose.is_some()).count() as f64 / all as f64
             };
