@@ -77,11 +77,11 @@ fn games_are_the_same_with_no_worker_one_and_three_and_with_workers_that_are_kil
 #[test]
 fn games_of_a_worker_that_lies_later_are_played_again_or_named() {
     let games: Vec<Due> =
-        (10..16).map(|seed| due(&format!("g{seed}"), patient(seed, GRID_MM), seed)).collect();
+        (10..20).map(|seed| due(&format!("g{seed}"), patient(seed, GRID_MM), seed)).collect();
     let expected = alone(None, &games);
     // Its first answer is compared, some of the later ones are not.
     let parts = [Part { wrong_from: 2, ..Part::default() }, Part::default()];
-    let mut pool = pool(0.55, &parts);
+    let mut pool = pool(0.3, &parts);
     let mut players = PoolGames::new(NonZeroUsize::MIN);
     let (mut played, mut named) = (Vec::new(), Vec::new());
     for games in games.chunks(2) {
@@ -90,6 +90,8 @@ fn games_of_a_worker_that_lies_later_are_played_again_or_named() {
         named.extend(doubtful);
     }
     assert!(pool.workers()["w0"].shut_out.is_some(), "{:?}", pool.take_news());
+    // Games that went out before it was caught, and that nothing compared.
+    assert!(!named.is_empty());
     for ((due, played), expected) in games.iter().zip(&played).zip(&expected) {
         assert!(played == expected || named.contains(&due.name), "{}", due.name);
     }
