@@ -8,6 +8,7 @@
 //! - `grid`: where the voxels are
 //! - [`outline`]: the surface of a patient, and files of surfaces
 //! - [`ply`]: the reader of PLY files, of meshes and of point clouds
+//! - [`records`]: numbers of text files, the end of records, quotes in errors
 
 #![forbid(unsafe_code)]
 // Outsiders use it.
@@ -18,5 +19,6 @@ pub mod couch;
 mod grid;
 pub mod outline;
 pub mod ply;
+pub mod records;
 
 pub use grid::Grid;

@@ -6,6 +6,7 @@ use thiserror::Error;
 use super::{Mesh, MeshError, NoOutline, Placing, outline, read_ply, read_stl};
 use crate::case::{CaseFileError, PatientPosition, from_bytes};
 use crate::couch::patient_from_couch;
+use crate::ply::is_ply;
 
 /// Distance of the points of a surface, mm.
 const SPACING_MM: f64 = 2.0;
@@ -58,7 +59,7 @@ pub fn read_surface(
         let case = from_bytes(bytes)?;
         (outline(&case)?, Some(case.isocentre_mm()), case.position())
     } else {
-        let read = if bytes.starts_with(b"ply") { read_ply(bytes)? } else { read_stl(bytes)? };
+        let read = if is_ply(bytes) { read_ply(bytes)? } else { read_stl(bytes)? };
         let lies = match read.position {
             Some(term) => PatientPosition::of_term(&term).ok_or(SurfaceFileError::Position(term))?,
             None => PatientPosition::default(),

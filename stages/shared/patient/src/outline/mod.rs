@@ -21,6 +21,7 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::case::PatientPosition;
+use crate::ply::PlyError;
 
 /// Triangles over shared vertices. Seen from outside, the corners of a triangle go round against the clock.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,6 +55,9 @@ pub struct MeshFile {
 /// Why bytes are no mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {
+    /// It is no PLY file that can be read.
+    #[error(transparent)]
+    Ply(#[from] PlyError),
     /// The file ends before what its header promises.
     #[error("the file ends at byte {found}, but its header promises {expected} bytes")]
     Short {

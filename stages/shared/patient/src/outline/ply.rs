@@ -41,7 +41,7 @@ pub fn write_ply(mesh: &Mesh, placing: &Placing, to: &mut impl Write) -> io::Res
 pub fn read_ply(bytes: &[u8]) -> Result<MeshFile, MeshError> {
     let mut ply = Ply::open(bytes)?;
     let (mut isocentre_mm, mut position) = (None, None);
-    for Comment { line, text } in &ply.comments {
+    for Comment { line, text } in ply.comments() {
         match text.split(' ').collect::<Vec<_>>()[..] {
             ["isocentre_mm", x, y, z] => {
                 let read = |c: &str| c.parse::<f64>().ok().filter(|c| c.is_finite());
@@ -58,31 +58,28 @@ pub fn read_ply(bytes: &[u8]) -> Result<MeshFile, MeshError> {
         }
     }
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for element in &ply.elements.clone() {
-        let place = |is: &dyn Fn(&Property) -> bool| element.properties.iter().position(is);
-        let axes = ["x", "y", "z"].map(|axis| place(&|p| p.name == axis && !p.is_list()));
-        let corners = place(&|p| p.name.starts_with("vertex_ind") && p.is_list());
-        ply.rows(element, |number, cells| {
-            if element.name == "vertex" {
-                let coordinate = |axis: Option<usize>| axis.map_or(f64::NAN, |place| cells[place][0].double);
-                vertices.push(axes.map(coordinate));
+    for element in ply.elements().to_vec() {
+        let is_corners = |p: &Property| p.name.starts_with("vertex_ind") && p.is_list();
+        match element.name.as_str() {
+            "vertex" => {
+                let axes = element.axes().ok_or(PlyError::NoVertices)?;
+                ply.rows::<MeshError>(&element, &axes, |_, cells| {
+                    vertices.push([0, 1, 2].map(|axis: usize| cells[axis][0].double));
+                    Ok(())
+                })?;
             }
-            match corners.filter(|_| element.name == "face") {
-                Some(corners) => fan(&cells[corners], number, &mut triangles),
-                None => Ok(()),
+            "face" => {
+                let corners: Vec<usize> =
+                    element.properties.iter().position(is_corners).into_iter().collect();
+                ply.rows(&element, &corners, |number, cells| {
+                    cells.iter().try_for_each(|corners| fan(corners, number, &mut triangles))
+                })?;
             }
-        })?;
-    }
-    Ok(MeshFile { mesh: Mesh::checked(vertices, triangles)?, isocentre_mm, position })
-}
-
-impl From<PlyError> for MeshError {
-    fn from(error: PlyError) -> Self {
-        match error {
-            PlyError::Line { line, why } => Self::Line { line, why },
-            PlyError::Short { expected, found } => Self::Short { expected, found },
+            _ => ply.rows::<MeshError>(&element, &[], |_, _| Ok(()))?,
         }
     }
+    ply.end()?;
+    Ok(MeshFile { mesh: Mesh::checked(vertices, triangles)?, isocentre_mm, position })
 }
 
 fn fan(corners: &[Value], face: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), MeshError> {
@@ -129,8 +126,13 @@ mod tests {
         assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(read.mesh.vertices_mm[2], [1.0, 1.0, 0.0]);
         let broken = String::from_utf8(text.to_vec()).unwrap().replace("4 0 1 2 3", "4 0 1 x 3");
-        assert_eq!(read_ply(broken.as_bytes()).unwrap_err().to_string(), "line 15: \"x\" is no number");
-        let points = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
+        assert_eq!(
+            read_ply(broken.as_bytes()).unwrap_err().to_string(),
+            "row 1 of its element `face` has `x`, which is not a number"
+        );
+        let surplus = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
+        assert!(matches!(read_ply(surplus.as_bytes()), Err(MeshError::Ply(PlyError::Surplus(_)))));
+        let points = surplus.replace("4 0 1 2 3\n", "");
         assert_eq!(read_ply(points.as_bytes()).unwrap_err(), MeshError::NoTriangles);
     }
 
@@ -138,6 +140,25 @@ mod tests {
     fn an_element_without_properties_is_refused_at_once() {
         let text = format!("ply\nformat ascii 1.0\nelement vertex {}\nend_header\n", usize::MAX);
         let why = read_ply(text.as_bytes()).unwrap_err().to_string();
-        assert_eq!(why, "line 4: element \"vertex\" has no property");
+        assert!(why.contains("`vertex` claims 18446744073709551615 rows, at most 0 can be there"), "{why}");
+    }
+
+    #[test]
+    fn headers_of_other_programs_are_read_and_what_is_no_mesh_is_refused() {
+        // Indented lines, upper-case axes, line ends of Windows.
+        let text = "ply\r\n  format ascii 1.0\r\n\tcomment isocentre_mm 1 2 3\r\n element vertex 3\r\n property float X\r\n \
+            property float Y\r\n property float Z\r\n element face 1\r\n property list uchar int vertex_indices\r\n \
+            end_header\r\n0 0 0\r\n10 0 0\r\n0 10 0\r\n3 0 1 2\r\n";
+        let read = read_ply(text.as_bytes()).unwrap();
+        assert_eq!((read.isocentre_mm, read.mesh.vertices_mm[1]), (Some([1.0, 2.0, 3.0]), [10.0, 0.0, 0.0]));
+        let refused = |from: &str, to: &str| read_ply(text.replace(from, to).as_bytes()).unwrap_err();
+        assert_eq!(refused("10 0 0", "nan 0 0"), MeshError::NotFinite(1));
+        // A missing vertex would make one of the face.
+        assert!(matches!(refused("10 0 0\r\n", ""), MeshError::Ply(PlyError::Row { .. })));
+        assert!(matches!(
+            refused("3 0 1 2\r\n", "3 0 1 2\r\n3 0 1 2\r\n"),
+            MeshError::Ply(PlyError::Surplus(_))
+        ));
+        assert!(matches!(refused("float Z", "float w"), MeshError::Ply(PlyError::NoVertices)));
     }
 }

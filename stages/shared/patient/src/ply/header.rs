@@ -1,7 +1,7 @@
 //! The header of a PLY file: its encoding and its elements.
 
-use super::PlyError;
-use crate::checks::quoted;
+use super::{MOST_ROWS, PlyError};
+use crate::records::quoted;
 
 /// How the rows are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,6 +90,14 @@ pub struct Element {
     pub properties: Vec<Property>,
 }
 
+impl Property {
+    /// Whether each row has a list of numbers.
+    #[must_use]
+    pub fn is_list(&self) -> bool {
+        self.count.is_some()
+    }
+}
+
 impl Element {
     /// The least bytes of a row in a file.
     fn least(&self, encoding: Encoding) -> usize {
@@ -101,7 +109,8 @@ impl Element {
         self.properties.iter().map(of).sum()
     }
 
-    /// Places of x, y and z in the properties.
+    /// Places of x, y and z (or X, Y and Z) in the properties; nothing where one is missing, a list, or there twice.
+    #[must_use]
     pub fn axes(&self) -> Option<[usize; 3]> {
         let places = [["x", "X"], ["y", "Y"], ["z", "Z"]].map(|[lower, upper]| {
             let named = |name: &str| self.properties.iter().any(|p| p.name == name);
@@ -118,6 +127,15 @@ impl Element {
     }
 }
 
+/// A comment of the header.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Comment {
+    /// Its line, from 1.
+    pub line: usize,
+    /// Its words with one space between them.
+    pub text: String,
+}
+
 /// A checked header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Header {
@@ -125,6 +143,8 @@ pub struct Header {
     pub encoding: Encoding,
     /// The elements in their order.
     pub elements: Vec<Element>,
+    /// The comments in their order.
+    pub comments: Vec<Comment>,
     /// Where the data starts, in bytes.
     pub data_offset: usize,
 }
@@ -138,7 +158,7 @@ impl Header {
         if bytes.starts_with(b"ply\r") && bytes.get(4) != Some(&b'\n') {
             return Err(PlyError::CarriageReturns);
         }
-        let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+        let (mut encoding, mut elements, mut comments) = (None, Vec::<Element>::new(), Vec::new());
         let (mut offset, mut line) = (0, 0);
         while offset < bytes.len() {
             line += 1;
@@ -151,7 +171,8 @@ impl Header {
             match (line, &words[..]) {
                 (1, ["ply"]) => {}
                 (1, _) => return Err(PlyError::NoPly(quoted(text.trim()))),
-                (_, [] | ["comment" | "obj_info", ..]) => {}
+                (_, ["comment", rest @ ..]) => comments.push(Comment { line, text: rest.join(" ") }),
+                (_, [] | ["obj_info", ..]) => {}
                 (_, ["format", name, "1.0"]) => {
                     encoding = Some(match *name {
                         "ascii" => Encoding::Ascii,
@@ -184,7 +205,7 @@ impl Header {
                 (_, ["end_header"]) => {
                     let Some(encoding) = encoding else { return refuse("the header has no `format`") };
                     check_counts(&elements, encoding, bytes.len() - offset)?;
-                    return Ok(Self { encoding, elements, data_offset: offset });
+                    return Ok(Self { encoding, elements, comments, data_offset: offset });
                 }
                 _ => return refuse("a line of a PLY header is another"),
             }
@@ -198,10 +219,10 @@ fn check_counts(elements: &[Element], encoding: Encoding, bytes: usize) -> Resul
     for element in elements {
         let least = element.least(encoding);
         // Rows without bytes would end at their count alone.
-        let most = (bytes + 1).checked_div(least).unwrap_or(0).min(super::MAX_POINTS);
+        let most = (bytes + 1).checked_div(least).unwrap_or(0).min(MOST_ROWS);
         let is_vertex = element.name == "vertex";
-        if element.rows > most && (is_vertex || element.rows > super::MAX_POINTS || least == 0) {
-            let most = if is_vertex { most } else { most.min(super::MAX_POINTS) };
+        if element.rows > most && (is_vertex || element.rows > MOST_ROWS || least == 0) {
+            let most = if is_vertex { most } else { most.min(MOST_ROWS) };
             return Err(PlyError::TooMany { element: quoted(&element.name), count: element.rows, most });
         }
     }

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// Why a file gives no cloud. Lines count from 1.
+/// Why bytes are no PLY file that can be read. Lines and rows count from 1.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PlyError {
@@ -77,6 +77,18 @@ pub enum PlyError {
         row: usize,
         /// The start of the word.
         found: String,
+    },
+    /// A list of a binary row has a count that is none.
+    #[error(
+        "row {row} of its element `{element}` has a list of {count} numbers (allowed: a whole number from 0)"
+    )]
+    ListLength {
+        /// Name of the element.
+        element: String,
+        /// The row, from 1.
+        row: usize,
+        /// The count, as text.
+        count: String,
     },
     /// There is more data than the header says.
     #[error("{0}")]
