@@ -7,6 +7,7 @@ mod beam_off;
 mod budget;
 mod contacts;
 mod default_pipeline;
+mod documents;
 mod examples;
 mod frozen;
 mod guide;
@@ -16,10 +17,22 @@ mod mismatched;
 mod misspelled;
 mod null_sink;
 mod one_dof;
+#[path = "../../examples/own_control_law.rs"]
+mod own_control_law;
 #[path = "../../examples/own_operator.rs"]
 mod own_operator;
+#[path = "../../examples/own_transport.rs"]
+mod own_transport;
+// People call `main` of the examples that are programs; tests call its parts.
+#[allow(dead_code)]
+#[path = "../../examples/plan_a_case.rs"]
+mod plan_a_case;
+#[allow(dead_code)]
+#[path = "../../examples/read_session.rs"]
+mod read_session;
 mod real_data;
 mod script;
+mod seams;
 
 use std::path::PathBuf;
 
