@@ -7,6 +7,7 @@
 //! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; edges of operators
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
+//! - `contracts`: bounds of time against the journals
 //! - `trace`: how long samples take from a source to a sink, and where the time goes
 //! - `ramp`: the effect of a filter's gains on noise and on a ramp
 //! - `proposal`: the picture of a captured face
@@ -23,6 +24,7 @@ mod again;
 mod broken;
 mod camera;
 pub mod chart;
+pub mod contracts;
 mod drawings;
 mod episodes;
 mod error;

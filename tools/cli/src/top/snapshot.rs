@@ -7,6 +7,7 @@ use serde_json::Value;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::status::{OperatorFigures, Status};
 use stillpoint_recorder::{Session, session_parts};
+use stillpoint_report::contracts::{self, ContractFigures};
 use stillpoint_report::hold::{Held, Hold};
 use stillpoint_report::trace::{EdgeFigures, Journals, as_run, edges};
 use stillpoint_report::unanswered::{Answers, Verdict, figures_of};
@@ -34,6 +35,8 @@ pub struct Snapshot {
     pub operators: Vec<OperatorRow>,
     /// The edges.
     pub edges: Vec<EdgeFigures>,
+    /// The contracts of the pipeline.
+    pub contracts: Vec<ContractFigures>,
     /// The processes of a run; none of a session.
     pub processes: Vec<ProcessRow>,
     /// The recording, where there is one.
@@ -153,6 +156,7 @@ impl Snapshot {
             held,
             operators,
             edges: edges(&journals),
+            contracts: contracts::of(graph, &journals),
             processes: processes.unwrap_or_default(),
             recorder,
         };

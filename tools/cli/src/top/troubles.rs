@@ -56,6 +56,8 @@ pub fn of(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> Vec<St
             ));
         }
     }
+    let broken = snapshot.contracts.iter().filter(|c| c.is_broken);
+    found.extend(broken.map(|contract| format!("contract broken: {contract}")));
     found.extend(stopped(snapshot, graph, journals));
     found.extend(held(snapshot));
     if let Some(free) = snapshot.recorder.as_ref().and_then(|r| r.free_bytes).filter(|free| *free < LITTLE) {

@@ -1,12 +1,12 @@
 //! Quantiles of the times of a path, and the hop to blame for the longest.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
 use super::follow::{self, End, Part, Passage};
 use super::journals::Journals;
-use super::paths::Path;
+use super::paths::{self, Path};
 use crate::statistics::{Spread, quantile};
 
 /// The longest passages that are looked into.
@@ -162,33 +162,119 @@ fn hops(passages: &[Passage], operators: &[String]) -> Vec<HopFigures> {
     operators.iter().enumerate().map(hop).collect()
 }
 
+/// Medians of the parts at each operator of a path.
+struct Medians(Vec<[f64; 7]>);
+
+impl Medians {
+    fn of(passages: &[Passage], operators: usize) -> Self {
+        let median = |at: usize, part: usize| {
+            let mut all: Vec<f64> = passages.iter().map(|p| ms(p.stops[at].parts[part])).collect();
+            all.sort_by(f64::total_cmp);
+            quantile(&all, 0.5).unwrap_or(0.0)
+        };
+        Self((0..operators).map(|at| std::array::from_fn(|part| median(at, part))).collect())
+    }
+
+    /// The operator of a passage and its part that is the most beyond the median, and how much, ms.
+    fn blame(&self, passage: &Passage) -> (usize, Part, f64) {
+        let beyond = |at: usize, part: usize| ms(passage.stops[at].parts[part]) - self.0[at][part];
+        let all = (0..self.0.len()).flat_map(|at| (0..Part::ALL.len()).map(move |part| (at, part)));
+        let most = all.max_by(|a, b| beyond(a.0, a.1).total_cmp(&beyond(b.0, b.1)));
+        let (at, part) = most.unwrap_or((0, 0));
+        (at, Part::ALL[part], beyond(at, part))
+    }
+
+    /// The operator and the part whose median is the longest: what is to blame if all samples take long.
+    fn longest(&self) -> (usize, Part) {
+        let all = (0..self.0.len()).flat_map(|at| (0..Part::ALL.len()).map(move |part| (at, part)));
+        let most = all.max_by(|a, b| self.0[a.0][a.1].total_cmp(&self.0[b.0][b.1]));
+        let (at, part) = most.unwrap_or((0, 0));
+        (at, Part::ALL[part])
+    }
+
+    /// The time of a passage whose parts are all medians, ms.
+    fn sum(&self) -> f64 {
+        self.0.iter().flatten().sum()
+    }
+}
+
 /// The longest passages with the part of a hop that is the most beyond its median.
 fn worst(passages: &[Passage], operators: &[String]) -> Vec<Worst> {
-    let median = |at: usize, part: usize| {
-        let mut all: Vec<f64> = passages.iter().map(|p| ms(p.stops[at].parts[part])).collect();
-        all.sort_by(f64::total_cmp);
-        quantile(&all, 0.5).unwrap_or(0.0)
-    };
-    let medians: Vec<[f64; 7]> =
-        (0..operators.len()).map(|at| std::array::from_fn(|part| median(at, part))).collect();
+    let medians = Medians::of(passages, operators.len());
     let mut longest: Vec<&Passage> = passages.iter().collect();
     longest.sort_by_key(|p| std::cmp::Reverse(p.total()));
     let one = |p: &&Passage| {
-        let beyond = |at: usize, part: usize| ms(p.stops[at].parts[part]) - medians[at][part];
-        let all = (0..operators.len()).flat_map(|at| (0..Part::ALL.len()).map(move |part| (at, part)));
-        let most = all.max_by(|a, b| beyond(a.0, a.1).total_cmp(&beyond(b.0, b.1)));
-        let (at, part) = most.unwrap_or((0, 0));
+        let (at, part, beyond_ms) = medians.blame(p);
         Worst {
             sequence: p.sequence,
             incarnation: p.incarnation,
             acquired_ns: p.acquired,
             total_ms: ms(p.total()),
             operator: operators[at].clone(),
-            part: Part::ALL[part],
-            beyond_ms: beyond(at, part),
+            part,
+            beyond_ms,
         }
     };
     longest.iter().take(WORST).map(one).collect()
+}
+
+/// A sample between two topics, by the path on which it arrived first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Judged {
+    /// It arrived.
+    Arrived {
+        /// From the acquisition to the last sending, ns.
+        total: u64,
+        /// The operator that took the most beyond its median; if the sample took no longer than the median, the operator that
+        /// takes the most.
+        operator: String,
+        /// With which part of its time.
+        part: Part,
+    },
+    /// No path took it to the end: this operator never took it.
+    Lost {
+        /// The operator.
+        operator: String,
+    },
+}
+
+/// Every sample between two topics, except those of which an operator made nothing, and those at the end of the journal;
+/// `None` if a topic is not there.
+pub fn passages_between(journals: &Journals<'_>, from: &str, to: &str) -> Option<Vec<Judged>> {
+    let mut best: BTreeMap<usize, Judged> = BTreeMap::new();
+    let (mut lost, mut open): (BTreeMap<usize, String>, BTreeSet<usize>) = Default::default();
+    for path in paths::between(journals, from, to)? {
+        let name = |at: usize| journals.operators[path.hops[at].operator].stage.name.clone();
+        let followed = follow::all(journals, &path);
+        let arrived: Vec<Passage> = followed.iter().filter_map(|f| f.clone().ok()).collect();
+        let medians = Medians::of(&arrived, path.hops.len());
+        let usual = medians.sum();
+        // The samples of the first topic are the same for every path.
+        for (number, one) in followed.into_iter().enumerate() {
+            match one {
+                Ok(passage) => {
+                    let total = passage.total();
+                    let (at, part) = match medians.blame(&passage) {
+                        (at, part, beyond) if beyond > 0.0 && ms(total) > usual => (at, part),
+                        _ => medians.longest(),
+                    };
+                    let is_better =
+                        !matches!(best.get(&number), Some(Judged::Arrived { total: t, .. }) if *t <= total);
+                    if is_better {
+                        best.insert(number, Judged::Arrived { total, operator: name(at), part });
+                    }
+                }
+                Err(End::NotTaken(at)) => drop(lost.insert(number, name(at))),
+                Err(End::NothingSent(_) | End::Unfinished(_)) => drop(open.insert(number)),
+            }
+        }
+    }
+    for (number, operator) in lost {
+        if !open.contains(&number) {
+            best.entry(number).or_insert(Judged::Lost { operator });
+        }
+    }
+    Some(best.into_values().collect())
 }
 
 fn blame(worst: &[Worst]) -> Vec<Blame> {

@@ -17,7 +17,8 @@ mod perfetto;
 use serde::Serialize;
 
 pub use edges::{EdgeFigures, edges};
-pub use figures::{Blame, HopFigures, Lost, PathFigures, Worst};
+pub use figures::passages_between;
+pub use figures::{Blame, HopFigures, Judged, Lost, PathFigures, Worst};
 pub use follow::Part;
 pub use journals::{Journals, Laps, Operator, as_run, laps};
 pub use perfetto::perfetto;

@@ -62,6 +62,41 @@ pub fn of(journals: &Journals<'_>) -> (Vec<Path>, bool) {
     (found, more)
 }
 
+/// All paths from one topic to another, as far as they are followed; `None` if a topic is not there.
+pub fn between(journals: &Journals<'_>, from: &str, to: &str) -> Option<Vec<Path>> {
+    let place = |topic: &str| {
+        let mut all = journals.operators.iter().enumerate();
+        all.find_map(|(i, o)| Some((i, o.stage.outputs.iter().position(|t| t == topic)?)))
+    };
+    let ((operator, output), goal) = (place(from)?, place(to)?);
+    let mut found = Vec::new();
+    let mut hops = vec![Hop { operator, input: None, output: Some(output) }];
+    if (operator, output) == goal {
+        return Some(vec![Path { hops }]);
+    }
+    extend_to(journals, goal, &mut hops, &mut found);
+    Some(found)
+}
+
+/// Adds all paths that begin with these hops and end with an output.
+fn extend_to(journals: &Journals<'_>, goal: (usize, usize), hops: &mut Vec<Hop>, found: &mut Vec<Path>) {
+    let Some(Hop { operator, output: Some(output), .. }) = hops.last().copied() else { return };
+    for (consumer, input) in journals.consumers(operator, output) {
+        if found.len() > MOST || hops.iter().any(|h| h.operator == consumer) {
+            continue;
+        }
+        for output in 0..journals.operators[consumer].stage.outputs.len() {
+            hops.push(Hop { operator: consumer, input: Some(input), output: Some(output) });
+            if (consumer, output) == goal {
+                found.push(Path { hops: hops.clone() });
+            } else {
+                extend_to(journals, goal, hops, found);
+            }
+            hops.pop();
+        }
+    }
+}
+
 /// Adds all paths that begin with these hops.
 fn extend(journals: &Journals<'_>, hops: &mut Vec<Hop>, found: &mut Vec<Path>) {
     let Some(Hop { operator, output: Some(output), .. }) = hops.last().copied() else { return };

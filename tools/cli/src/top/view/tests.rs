@@ -54,6 +54,7 @@ fn snapshot() -> Snapshot {
             lost: 3,
             passed: 0,
         }],
+        contracts: Vec::new(),
         processes: Vec::new(),
         recorder: Some(RecorderRow { session: "sessions/head-3dof-0001".into(), bytes: 4_100_000, free_bytes: None }),
     }
