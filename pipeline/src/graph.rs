@@ -33,8 +33,47 @@ pub struct Graph {
     pub ros2: Option<Ros2Node>,
     /// The planning pools that operators of this pipeline reach over the network.
     pub pools: Vec<PoolNode>,
+    /// Bounds of the time of paths.
+    pub contracts: Vec<PathContract>,
     /// Which part of a pipeline this is; `None`: all of it.
     pub part: Option<HostedPart>,
+}
+
+/// A bound of the time that samples take from one topic to another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathContract {
+    /// The topic at the start.
+    pub from: String,
+    /// The topic at the end.
+    pub to: String,
+    /// From the acquisition at the start to the sending at the end, ns.
+    pub within: u64,
+    /// The share of samples that keep the bound: above 0, up to 1.
+    pub share: f64,
+    /// A run that breaks it ends with a failure.
+    pub is_fault: bool,
+}
+
+/// How old a sample of an input may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AgeLimit {
+    /// From its acquisition to the activation, ns.
+    pub max: u64,
+    /// What the operator does about an older one.
+    pub otherwise: LateInput,
+}
+
+/// What an operator does about a sample that is too old. It is decided from the stamps of the activation, so it replays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LateInput {
+    /// It takes the sample as any other; the sample is counted.
+    Count,
+    /// It does not see the sample.
+    Skip,
+    /// It does nothing in this activation, and sends nothing.
+    Hold,
+    /// The activation fails.
+    Fault,
 }
 
 /// A part of a pipeline: what one host runs.
@@ -63,6 +102,8 @@ pub struct OperatorNode {
     pub latency: u64,
     /// Longest step, ns, after which the process is ended.
     pub deadline: Option<u64>,
+    /// Longest time from a tick of its timer to the activation, ns.
+    pub start_within: Option<u64>,
     /// Inputs, in the order of the kind's ports.
     pub inputs: Vec<InputNode>,
     /// Outputs, in the order of the kind's ports.
@@ -88,6 +129,8 @@ pub struct InputNode {
     pub sync_leader: Option<usize>,
     /// Frame of the samples.
     pub frame: Option<String>,
+    /// How old its samples may be.
+    pub max_age: Option<AgeLimit>,
 }
 
 /// An edge, seen from its consumer.

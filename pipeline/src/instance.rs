@@ -10,8 +10,8 @@ use zerocopy::IntoBytes;
 
 use crate::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use crate::drafts::{Draft, DraftBuffers, Lender};
-use crate::graph::{Graph, OperatorNode};
-use crate::operator::{ErasedOperator, SetupError};
+use crate::graph::{AgeLimit, Graph, LateInput, OperatorNode};
+use crate::operator::{ErasedOperator, SetupError, StepError};
 use crate::operator::{Files, Setup};
 use crate::outputs::Outputs;
 use crate::outside::Outside;
@@ -28,6 +28,9 @@ pub struct OperatorInstance {
     /// Number of the next journal entry.
     entries: u64,
     inputs: Vec<Seen>,
+    /// How old a sample of each input may be.
+    limits: Vec<Option<AgeLimit>>,
+    input_names: Vec<&'static str>,
     sent: Vec<Sent>,
     drafts: Vec<Draft>,
     fault: Option<String>,
@@ -76,6 +79,8 @@ impl OperatorInstance {
             index: 0,
             entries: 0,
             inputs: vec![Seen::default(); node.inputs.len()],
+            limits: node.inputs.iter().map(|i| i.max_age).collect(),
+            input_names: node.stage.kind.inputs.iter().map(|i| i.name).collect(),
             sent: vec![Sent::default(); node.outputs.len()],
             drafts: Vec::new(),
             fault: None,
@@ -127,13 +132,31 @@ impl OperatorInstance {
             &mut many[..self.inputs.len()]
         };
         let mut origin = None;
+        let mut late = None;
         for r in &record.inputs {
             let port = r.port as usize;
             let (Some(slot), Some(seen)) = (brought.get_mut(port), self.inputs.get_mut(port)) else {
                 continue;
             };
             let same = seen.incarnation == Some(r.incarnation);
-            let pieces = sample(port);
+            let mut pieces = sample(port);
+            // Decided from the stamps of the activation alone, so that a replay decides the same.
+            if let (Some(limit), Some(found)) = (self.limits[port], pieces)
+                && let age = record.time.saturating_sub(found.header().origin)
+                && age > limit.max
+            {
+                match limit.otherwise {
+                    LateInput::Count => {}
+                    LateInput::Skip => pieces = None,
+                    LateInput::Hold => {
+                        late.get_or_insert(None);
+                    }
+                    LateInput::Fault => {
+                        let name = self.input_names.get(port).copied().unwrap_or_default();
+                        late = Some(Some(too_old(name, age, limit.max)));
+                    }
+                }
+            }
             *slot = ActivationInput {
                 sample: pieces.map(|pieces| Consumed { pieces, held: r.kind == RefKind::Held as u32 }),
                 missed: r.lost.saturating_sub(if same { seen.lost } else { 0 }),
@@ -159,7 +182,11 @@ impl OperatorInstance {
         let mut buffers = DraftBuffers::new(&self.kinds, lender, &mut self.drafts);
         let mut outputs = Outputs::new(&self.kinds, self.laps.len(), &mut buffers);
         let step = &mut self.step;
-        let result = contained(|| step.step(&activation, &mut outputs));
+        let result = match late {
+            None => contained(|| step.step(&activation, &mut outputs)),
+            Some(None) => Ok(Ok(())),
+            Some(Some(fault)) => Ok(Err(StepError(fault))),
+        };
         let report = outputs.report();
         drop(buffers);
         let origin = report.origin.unwrap_or(activation.origin);
@@ -249,6 +276,11 @@ impl OperatorInstance {
         self.entries += 1;
         entry
     }
+}
+
+fn too_old(input: &str, age: u64, max: u64) -> String {
+    let ms = |ns: u64| ns as f64 * 1e-6;
+    format!("the sample on `{input}` is too old: {:.3} ms (allowed: {} ms)", ms(age), ms(max))
 }
 
 /// The most inputs of an operator.

@@ -101,6 +101,164 @@ fn samples_are_shown_in_words_by_path_and_as_json() {
     assert!(text(std::path::Path::new(session)).contains("console-0001"));
 }
 
+/// Checks a trace by the rules of the Trace Event Format: what each event needs, slices of a thread one after another or
+/// within each other, and arrows whose ends are within slices. Gives the number of slices and of arrows.
+fn check_trace_events(file: &std::path::Path) -> (usize, usize) {
+    use std::collections::BTreeMap;
+    let trace: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let events = trace["traceEvents"].as_array().unwrap();
+    let mut slices: BTreeMap<(u64, u64), Vec<(f64, f64)>> = BTreeMap::new();
+    let (mut starts, mut ends) = (BTreeMap::new(), BTreeMap::new());
+    let mut threads = std::collections::BTreeSet::new();
+    for event in events {
+        let thread = (event["pid"].as_u64().unwrap(), event["tid"].as_u64().unwrap());
+        assert!(event["name"].is_string(), "{event}");
+        let ts = || event["ts"].as_f64().filter(|t| *t >= 0.0).unwrap_or_else(|| panic!("{event}"));
+        match event["ph"].as_str().unwrap() {
+            "M" => {
+                assert!(event["args"]["name"].is_string(), "{event}");
+                threads.insert(thread);
+            }
+            "X" => {
+                let length = event["dur"].as_f64().filter(|d| *d >= 0.0).unwrap_or_else(|| panic!("{event}"));
+                slices.entry(thread).or_default().push((ts(), ts() + length));
+            }
+            "s" => assert!(starts.insert(event["id"].as_u64().unwrap(), (thread, ts())).is_none(), "{event}"),
+            "f" => {
+                assert_eq!(event["bp"], "e", "{event}");
+                assert!(ends.insert(event["id"].as_u64().unwrap(), (thread, ts())).is_none(), "{event}");
+            }
+            other => panic!("{other}: {event}"),
+        }
+    }
+    for (thread, slices) in &mut slices {
+        assert!(threads.contains(thread), "thread {thread:?} has no name");
+        slices.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
+        let mut open: Vec<f64> = Vec::new();
+        for (start, end) in slices {
+            open.retain(|e| *e > *start + 1e-6);
+            assert!(open.iter().all(|e| *end <= e + 1e-3), "{thread:?}: {start} to {end} overlaps");
+            open.push(*end);
+        }
+    }
+    assert_eq!(starts.keys().collect::<Vec<_>>(), ends.keys().collect::<Vec<_>>());
+    for (thread, ts) in starts.values().chain(ends.values()) {
+        assert!(slices[thread].iter().any(|(a, b)| a - 1e-6 <= *ts && *ts <= b + 1e-6), "{thread:?} {ts}");
+    }
+    for (id, (_, start)) in &starts {
+        assert!(ends[id].1 >= *start, "arrow {id} goes back");
+    }
+    (slices.values().map(Vec::len).sum(), starts.len())
+}
+
+#[test]
+fn a_trace_of_a_run_and_of_its_session_names_paths_hops_and_blame() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 2);
+    let live = bench.call(&["trace", "chain", "--for", "500 ms", "--json"]).good();
+    let report = run.stop().good();
+    let session = report["session"].as_str().unwrap();
+    let file = bench.path("trace.json");
+    let recorded = bench.call(&["trace", session, "--perfetto", text(&file), "--json"]).good();
+    let keys = |v: &Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    for trace in [&live, &recorded] {
+        let paths = trace["paths"].as_array().unwrap();
+        let path = paths.iter().find(|p| p["path"] == "source.value -> middle.sum -> sink").unwrap();
+        assert!(path["arrived"].as_u64().unwrap() > 2, "{path}");
+        assert_eq!(path["operators"], serde_json::json!(["source", "middle", "sink"]));
+        let total = |q: &str| path["total_ms"][q].as_f64().unwrap();
+        assert!(total("p50") <= total("p90") && total("p99") <= total("max") && total("p50") > 0.0, "{path}");
+        assert!(!path["blame"].as_array().unwrap().is_empty() && path["worst"].as_array().unwrap().len() > 2);
+        assert_eq!(keys(path), keys(&live["paths"][0]));
+    }
+    assert_eq!(live["of"]["run"].as_u64().is_some(), recorded["of"]["session"].is_string());
+    let (slices, arrows) = check_trace_events(&file);
+    let done: u64 =
+        report["operators"].as_array().unwrap().iter().map(|o| o["activations"].as_u64().unwrap()).sum();
+    // The last activation of each operator has no end in the journal.
+    assert!(slices as u64 + 3 >= done && slices as u64 <= done && arrows > 2, "{slices} of {done}, {arrows}");
+    let shown = bench.call(&["trace", session, "--to", "sink"]);
+    assert!(shown.out.contains("to blame for the 10 longest"), "{}{}", shown.out, shown.err);
+    let nowhere = bench.call(&["trace", session, "--from", "sink.sum"]);
+    assert!(nowhere.code() == 2 && nowhere.err.contains("there is no path from sink.sum"), "{}", nowhere.err);
+    let page = bench.path("page.html");
+    bench.call(&["report", session, "--out", text(&page)]);
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(
+        page.contains("From source to sink") && page.contains("source.value -&gt; middle.sum -&gt; sink")
+    );
+}
+
+#[test]
+fn a_graph_of_a_file_a_run_and_a_session_has_the_same_edges_and_measures_where_it_can() {
+    let bench = Bench::new();
+    let file = pipeline("chain.yaml");
+    let drawn = |arguments: &[&str]| bench.call(&[&["graph"], arguments].concat());
+    let before = drawn(&[text(&file), "--json"]).good();
+    let run = bench.run(&file);
+    bench.wait_for_samples("sink.sum", 2);
+    let during = drawn(&["chain", "--for", "500 ms", "--json"]).good();
+    let report = run.stop().good();
+    let session = report["session"].as_str().unwrap();
+    let after = drawn(&[session, "--json"]).good();
+    let edges = |graph: &Value| {
+        let edges = graph["edges"].as_array().unwrap().iter();
+        edges.map(|e| (e["topic"].clone(), e["to"].clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(edges(&before).len(), 3, "{before}");
+    assert_eq!((edges(&before), edges(&before)), (edges(&during), edges(&after)));
+    assert!(before["edges"][0]["measured"].is_null(), "{before}");
+    for graph in [&during, &after] {
+        let edge = graph["edges"].as_array().unwrap().iter().find(|e| e["to"] == "middle.queue").unwrap();
+        assert!(edge["measured"]["rate_hz"].as_f64().unwrap() > 0.0, "{graph}");
+        assert!(edge["measured"]["latency_ms"]["p50"].as_f64().unwrap() >= 0.0, "{graph}");
+    }
+    let svg = drawn(&[session]).out;
+    assert!(svg.starts_with("<svg xmlns=") && svg.contains("queue &lt; source.value, "), "{svg}");
+    assert!(drawn(&[session, "--format", "dot"]).out.starts_with("digraph pipeline {"));
+    assert!(drawn(&[session, "--format", "mermaid"]).out.starts_with("flowchart LR\n"));
+    let wrong = drawn(&["nobody.yaml"]);
+    assert!(wrong.code() == 2 && wrong.err.contains("nobody.yaml"), "{}", wrong.err);
+}
+
+#[test]
+fn top_of_a_run_and_of_its_session_have_one_shape() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 2);
+    let live = bench.call(&["top", "--once", "--for", "500 ms", "--json"]).good();
+    let rows = |top: &Value| top["operators"].as_array().unwrap().clone();
+    let row = |top: &Value, name: &str| rows(top).into_iter().find(|o| o["operator"] == name).unwrap();
+    let source = row(&live, "source");
+    assert_eq!((&source["state"], &source["process"]), (&"running".into(), &"source".into()), "{live}");
+    assert!(
+        source["rate_hz"].as_f64().unwrap() > 0.0 && source["memory_bytes"].as_u64().unwrap() > 0,
+        "{live}"
+    );
+    let process = live["processes"].as_array().unwrap().iter().find(|p| p["name"] == "middle").unwrap();
+    assert_eq!((&process["asked"], &process["granted"]), (&"normal".into(), &"normal".into()), "{live}");
+    assert!(live["recorder"]["free_bytes"].as_u64().unwrap() > 0, "{live}");
+    // A process that is stopped is named.
+    let middle = process["pid"].as_u64().unwrap();
+    crate::bench::signal(middle as u32, rustix::process::Signal::STOP);
+    let stopped = bench.call(&["top", "--once", "--for", "300 ms", "--json"]).good();
+    crate::bench::signal(middle as u32, rustix::process::Signal::CONT);
+    assert_eq!(row(&stopped, "middle")["state"], "suspended", "{stopped}");
+    let troubles = stopped["troubles"].as_array().unwrap();
+    assert!(troubles.contains(&"middle: suspended".into()), "{stopped}");
+    let shown = bench.call(&["top", "--once", "--for", "300 ms"]).out;
+    assert!(shown.contains("source.value -> middle") && shown.contains("step p99 ms"), "{shown}");
+    let report = run.stop().good();
+    let recorded = bench.call(&["top", report["session"].as_str().unwrap(), "--once", "--json"]).good();
+    let keys = |v: &Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys(&recorded), keys(&live));
+    assert_eq!(keys(&row(&recorded, "source")), keys(&source));
+    assert_eq!(row(&recorded, "source")["state"], "ended", "{recorded}");
+    let done = crate::bench::figures(&report, "source")["activations"].as_u64().unwrap();
+    assert_eq!(row(&recorded, "source")["activations"], done);
+}
+
 #[test]
 fn the_commands_of_the_guide_do_what_it_says() {
     const PAGE: &str = include_str!("../../docs/guide/look-inside.md");

@@ -15,6 +15,7 @@
 //! - `seeing`: a head followed live, captured by a person; two cameras on any number of threads
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
+//! - `contracts`: bounds of time, counted live and decided alike in a replay
 //! - `controllers`: three loops in one pipeline
 //! - `ledger`: sent = received + accounted loss
 //! - `breaking`: people who break a running rig
@@ -35,6 +36,7 @@ mod attach;
 mod bench;
 mod breaking;
 mod conformance;
+mod contracts;
 mod controllers;
 mod damaged;
 mod ending;

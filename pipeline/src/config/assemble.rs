@@ -14,7 +14,8 @@ use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
 use crate::graph::{
-    Edge, Graph, InputNode, OperatorNode, OutputNode, PoolNode, Priority, ProcessNode, Record, Ros2Node, Wire,
+    AgeLimit, Edge, Graph, InputNode, OperatorNode, OutputNode, PoolNode, Priority, ProcessNode, Record,
+    Ros2Node, Wire,
 };
 use crate::hosts::{BRIDGE, MAIN};
 use crate::operator::TIMING;
@@ -236,6 +237,10 @@ pub fn graph(
                 policy: *policy,
                 sync_leader: *leader,
                 frame: input.edge.and_then(|e| frames.output(e.operator, e.output)).map(str::to_owned),
+                max_age: input.parsed.and_then(|at| parsed.inputs.get(at)).and_then(|written| {
+                    let max = written.max_age.as_ref()?.value;
+                    Some(AgeLimit { max, otherwise: written.otherwise })
+                }),
             });
         let outputs = stage.kind.outputs.iter().enumerate().map(|(port, output)| OutputNode {
             topic: format!("{}.{}", parsed.name.value, output.name),
@@ -251,6 +256,7 @@ pub fn graph(
             every: parsed.every.as_ref().map(|e| e.value),
             latency: parsed.latency,
             deadline: parsed.deadline,
+            start_within: parsed.start_within.as_ref().map(|t| t.value),
             inputs: inputs.collect(),
             outputs: outputs.collect(),
             process: process_of[new],
@@ -270,6 +276,7 @@ pub fn graph(
         hosts: document.hosts.into_iter().map(|h| h.node).collect(),
         ros2,
         pools,
+        contracts: Vec::new(),
         part: None,
     })
 }

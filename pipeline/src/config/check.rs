@@ -9,7 +9,9 @@ use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
-use super::{assemble, confirm, hosts, identity, links, order, port_frames, ros2, sets, sync, wiring, yaml};
+use super::{
+    assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, sets, sync, wiring, yaml,
+};
 use crate::graph::Graph;
 use crate::operator::Files;
 use crate::operator::{Feeder, Registry, Role, Stage, Timer};
@@ -131,12 +133,15 @@ fn pass(
     hosts::check(&document, &wired, &processes, links_stand, whole.host.as_ref(), findings);
     machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);
     let record = assemble::record(&document, &wired, findings);
+    let contracts = contracts::check(&document, &wired, findings);
     let params = checked.iter().map(|(params, _)| params.as_ref());
     let ros2 = ros2::check(&document, &wired, params, &frames, findings);
     if !findings.is_empty() {
         return None;
     }
-    let graph = assemble::graph(document, wired, checked, policies, frames, order, processes, record, ros2)?;
+    let mut graph =
+        assemble::graph(document, wired, checked, policies, frames, order, processes, record, ros2)?;
+    graph.contracts = contracts;
     Some(match whole.host {
         Some(host) => graph.part(&host.value),
         None => graph,

@@ -9,14 +9,25 @@ use super::operators::{self, ParsedOperator};
 use super::processes::{self, ParsedProcess};
 use super::source::Span;
 use super::tree::{Keys, Node};
-use super::{frames, host_section, links, quantity, record, ros2_section};
+use super::{contracts, frames, host_section, links, quantity, record, ros2_section};
 use crate::frames::Frames;
 
 /// The version of the format.
 pub const VERSION: i128 = 1;
 /// Keys of the file.
-pub const KEYS: &[&str] =
-    &["stillpoint", "name", "seed", "frames", "operators", "links", "hosts", "ros2", "processes", "record"];
+pub const KEYS: &[&str] = &[
+    "stillpoint",
+    "name",
+    "seed",
+    "frames",
+    "operators",
+    "links",
+    "hosts",
+    "ros2",
+    "processes",
+    "record",
+    "contracts",
+];
 
 /// A parsed pipeline. What had a fault is left out.
 pub struct Document<'t> {
@@ -38,6 +49,8 @@ pub struct Document<'t> {
     pub processes: Vec<ParsedProcess>,
     /// What is recorded.
     pub record: record::Parsed,
+    /// Bounds of the time of paths.
+    pub contracts: Vec<contracts::ParsedContract>,
 }
 
 impl Document<'_> {
@@ -73,7 +86,8 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
     host_section::connect(&hosts, &mut operators, &mut processes, findings);
     let ros2 = keys.get("ros2").map(|e| ros2_section::read(e, findings));
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
-    Some(Document { name, seed, frames, operators, links, hosts, ros2, processes, record })
+    let contracts = keys.get("contracts").map(|e| contracts::read(&e.value, findings)).unwrap_or_default();
+    Some(Document { name, seed, frames, operators, links, hosts, ros2, processes, record, contracts })
 }
 
 fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {

@@ -13,7 +13,7 @@ use super::operators::ParsedOperator;
 use super::processes::{ParsedProcess, RESTART};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
-use crate::graph::{HostNode, HostTls, Priority, Wire};
+use crate::graph::{HostNode, HostTls, LateInput, Priority, Wire};
 use crate::hosts::{MAIN, edge_name, endpoint_fault};
 use crate::{far_end, link};
 
@@ -238,6 +238,8 @@ fn far_operator<'t>(name: String, from: Marked<Topic>, host: usize) -> ParsedOpe
         name: Marked::new(far_end::PORT.to_owned(), span),
         from: Some(from),
         policy: None,
+        max_age: None,
+        otherwise: LateInput::Count,
         delay: 0,
     };
     ParsedOperator {
@@ -253,6 +255,7 @@ fn far_operator<'t>(name: String, from: Marked<Topic>, host: usize) -> ParsedOpe
         latency: 0,
         has_latency: None,
         deadline: None,
+        start_within: None,
         link: Some(Wire::Host(host)),
     }
 }

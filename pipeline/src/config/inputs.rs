@@ -1,13 +1,15 @@
 //! The inputs of an operator as they were written: where samples come from and how they are consumed.
 
+use super::contracts::late_input;
 use super::faults::{Code, Findings};
 use super::fields::{count, missing, period};
 use super::near::shown;
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
+use crate::graph::LateInput;
 
 /// Keys of an input.
-pub const KEYS: &[&str] = &["from", "latest", "queue", "sync", "delay"];
+pub const KEYS: &[&str] = &["from", "latest", "queue", "sync", "delay", "max_age", "else"];
 /// Longest queue.
 pub const LONGEST_QUEUE: u32 = 4096;
 
@@ -21,6 +23,10 @@ pub struct ParsedInput {
     pub policy: Option<Marked<ParsedPolicy>>,
     /// A sample is seen this long after its stamp, ns.
     pub delay: u64,
+    /// How old its samples may be, ns.
+    pub max_age: Option<Marked<u64>>,
+    /// What the operator does about an older one.
+    pub otherwise: LateInput,
 }
 
 /// A topic as it was written.
@@ -58,7 +64,8 @@ pub fn read(node: &Node, findings: &Findings) -> Vec<ParsedInput> {
 
 fn input(entry: &Entry, findings: &Findings) -> ParsedInput {
     let name = entry.key.clone();
-    let mut parsed = ParsedInput { name, from: None, policy: None, delay: 0 };
+    let mut parsed =
+        ParsedInput { name, from: None, policy: None, delay: 0, max_age: None, otherwise: LateInput::Count };
     let Value::Map(entries) = &entry.value.value else {
         parsed.from = topic(&entry.value, findings);
         return parsed;
@@ -69,6 +76,13 @@ fn input(entry: &Entry, findings: &Findings) -> ParsedInput {
         None => missing("an input", "from", "operator.port", parsed.name.span, findings),
     }
     parsed.delay = keys.get("delay").and_then(|e| period(e, findings)).map_or(0, |t| t.value);
+    parsed.max_age = keys.get("max_age").and_then(|e| period(e, findings));
+    if let Some(entry) = keys.get("else") {
+        parsed.otherwise = late_input(entry, findings).unwrap_or(LateInput::Count);
+        if keys.get("max_age").is_none() {
+            missing("an input with `else`", "max_age", "60 ms", entry.key.span, findings);
+        }
+    }
     let mut policies = Vec::new();
     policies.extend(keys.get("latest").and_then(|e| latest(e, findings)));
     policies.extend(keys.get("queue").and_then(|e| queue(e, findings)));

@@ -15,7 +15,7 @@ use super::operators::ParsedOperator;
 use super::source::Marked;
 use super::tree::{Entry, Keys, Node};
 use super::wiring::Wired;
-use crate::graph::Wire;
+use crate::graph::{LateInput, Wire};
 use crate::link;
 
 /// Keys of a link.
@@ -93,6 +93,8 @@ fn far_operator<'t>(
         name: Marked::new(PORT.to_owned(), span),
         from: Some(topic),
         policy: Some(Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
+        max_age: None,
+        otherwise: LateInput::Count,
         delay,
     };
     Some(ParsedOperator {
@@ -108,6 +110,7 @@ fn far_operator<'t>(
         latency: 0,
         has_latency: None,
         deadline: None,
+        start_within: None,
         link: wire,
     })
 }

@@ -8,7 +8,8 @@ use super::tree::{Entry, Keys, Node, Value};
 use crate::graph::Wire;
 
 /// Keys of an operator.
-pub const KEYS: &[&str] = &["use", "params", "inputs", "every", "frame", "latency", "deadline"];
+pub const KEYS: &[&str] =
+    &["use", "params", "inputs", "every", "frame", "latency", "deadline", "start_within"];
 
 /// An operator as it was written.
 pub struct ParsedOperator<'t> {
@@ -36,6 +37,8 @@ pub struct ParsedOperator<'t> {
     pub has_latency: Option<Span>,
     /// Longest step, ns.
     pub deadline: Option<u64>,
+    /// Longest time from a tick of its timer to the activation, ns.
+    pub start_within: Option<Marked<u64>>,
     /// What it is the far end of, if it is that of a link.
     pub link: Option<Wire>,
 }
@@ -87,6 +90,7 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
         latency: 0,
         has_latency: None,
         deadline: None,
+        start_within: None,
         link: None,
     };
     let place = "an operator";
@@ -120,5 +124,6 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     parsed.has_latency = latency.as_ref().map(|t| t.span);
     parsed.latency = latency.map_or(0, |t| t.value);
     parsed.deadline = keys.get("deadline").and_then(|e| period(e, findings)).map(|t| t.value);
+    parsed.start_within = keys.get("start_within").and_then(|e| period(e, findings));
     parsed
 }

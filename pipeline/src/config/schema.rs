@@ -4,7 +4,10 @@ use serde_json::{Map, Value, json};
 
 use super::quantity::or;
 use super::units::find;
-use super::{document, frames, host_section, inputs, links, operators, processes, record, ros2_section};
+use super::{
+    contracts as bounds, document, frames, host_section, inputs, links, operators, processes, record,
+    ros2_section,
+};
 use crate::hosts::MAIN;
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
 use crate::params::{ParamField, ParamType, Presence};
@@ -27,6 +30,7 @@ pub fn schema(registry: &Registry) -> Value {
         "every" => quantity("ns", "Period of its timer."),
         "frame" => json!({ "type": "string", "description": "Frame of its samples, a name of `frames`." }),
         "latency" => quantity("ns", "Time that the simulated executor charges for a step."),
+        "start_within" => quantity("ns", "Longest time from a tick of its timer to the activation."),
         _ => quantity("ns", "Longest step, after which its process is ended."),
     });
     set(&mut operator, "allOf", Value::Array(by_kind));
@@ -44,6 +48,7 @@ pub fn schema(registry: &Registry) -> Value {
         "hosts" => hosts(),
         "ros2" => ros2(),
         "processes" => named("Which operators share a process; each of the rest has its own.", process()),
+        "contracts" => contracts(),
         _ => recorded(),
     });
     set(&mut file, "$schema", json!("https://json-schema.org/draft/2020-12/schema"));
@@ -111,6 +116,11 @@ fn input() -> Value {
             "description": "Every sample in order; the oldest goes when more than this many wait.",
         }),
         "delay" => quantity("ns", "A sample is seen this long after its stamp."),
+        "max_age" => quantity("ns", "How old a sample may be when it is taken, since its acquisition."),
+        "else" => json!({
+            "enum": ["count", "skip", "hold", "fault"],
+            "description": "What the operator does about an older sample: take it and count it, not see it, do nothing, or fail.",
+        }),
         _ => {
             let mut sync = closed(&["with", "within"], &["with", "within"], |key| match key {
                 "with" => json!({ "type": "array", "items": { "type": "string" }, "minItems": 1 }),
@@ -121,6 +131,26 @@ fn input() -> Value {
         }
     });
     json!({ "oneOf": [topic, detailed] })
+}
+
+fn contracts() -> Value {
+    let contract = closed(bounds::KEYS, &["path", "within"], |key| match key {
+        "path" => json!({
+            "type": "string", "pattern": format!(r"^\s*{}\s*->\s*{}\s*$", &TOPIC[1..TOPIC.len() - 1], &TOPIC[1..TOPIC.len() - 1]),
+            "description": "Two topics, `operator.port -> operator.port`.",
+        }),
+        "within" => {
+            quantity("ns", "Longest time from the acquisition at the start to the sending at the end.")
+        }
+        "share" => json!({
+            "type": "string", "pattern": format!(r"^\s*{NUMBER}\s*%\s*$"), "default": "100 %",
+            "description": "Share of the samples that keep the bound.",
+        }),
+        _ => {
+            json!({ "enum": ["count", "fault"], "default": "count", "description": "Whether a broken contract is a failure of the run." })
+        }
+    });
+    json!({ "type": "array", "description": "Bounds of the time that samples take.", "items": contract })
 }
 
 fn links() -> Value {

@@ -41,6 +41,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
         every,
         latency: 0,
         deadline: None,
+        start_within: None,
         inputs: inputs
             .iter()
             .map(|(policy, sync_leader, delay)| InputNode {
@@ -48,6 +49,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
                 policy: *policy,
                 sync_leader: *sync_leader,
                 frame: None,
+                max_age: None,
             })
             .collect(),
         outputs: Vec::new(),

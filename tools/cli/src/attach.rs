@@ -31,6 +31,8 @@ pub struct Attached {
     pub session: Option<std::path::PathBuf>,
     /// Process number of its supervisor.
     pub pid: u32,
+    /// Its card.
+    pub card: RunCard,
 }
 
 impl Attached {
@@ -82,8 +84,9 @@ impl Which {
             graph: graph.live(),
             domain,
             root: card.root.clone(),
-            session: card.session,
+            session: card.session.clone(),
             pid: card.pid,
+            card,
         })
     }
 }

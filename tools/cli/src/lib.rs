@@ -17,6 +17,8 @@
 //! - `simulate`, `status_line`, `summary`: parts of `run`
 //! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
+//! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
+//! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
 //! - `rates`: rates of topics from journals, for `topics` and `hz`
 //! - `series`, `picture`: parts of `identify`, `case` and `plan`
 //! - `columns`: tables for a terminal
@@ -34,13 +36,16 @@ mod columns;
 mod commands;
 mod compress;
 mod exit;
+mod held;
 pub mod jobs;
+mod journals;
 mod number;
 mod path;
 mod picture;
 mod pipeline_file;
 mod pool;
 mod private;
+mod processes;
 mod program;
 mod proposal;
 mod quantity;
@@ -52,7 +57,9 @@ mod show;
 mod signals;
 mod simulate;
 mod status_line;
+mod subject;
 mod summary;
+mod top;
 mod version;
 
 use std::process::ExitCode;

@@ -2,22 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use stillpoint_pipeline::live::contracts;
 use stillpoint_recorder::{Role, Session};
-use stillpoint_samples::{Entry, Journal, Pieces, RefKind};
-use stillpoint_shm::{Subscriber, Topic};
+use stillpoint_samples::{Entry, RefKind};
 
 use crate::attach::Attached;
 use crate::exit::Failure;
-use crate::signals::stop_flag;
-
-/// Interval at which journals are read: a listener would cost the publisher time.
-const LOOK: Duration = Duration::from_millis(10);
+use crate::journals::JournalTaps;
 
 /// What was measured, as commands name it in JSON.
 pub fn of_run(attached: &Attached) -> Value {
@@ -115,38 +109,13 @@ impl Rates {
         time: Duration,
         which: impl Fn(&str) -> bool,
     ) -> Result<Self, Failure> {
-        let graph = &attached.graph;
-        let (mut senders, mut journals) = (Vec::new(), Vec::new());
-        for (number, node) in graph.operators.iter().enumerate().filter(|(_, o)| which(&o.name)) {
-            let contract = contracts::journal(graph, number);
-            let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
-            let subscriber = topic.subscriber(contracts::JOURNAL_DEPTH).map_err(Failure::failed)?;
-            subscriber.connect().map_err(Failure::failed)?;
-            journals.push((subscriber, topic));
-            senders.push((node.name.clone(), node.outputs.iter().map(|o| o.topic.clone()).collect()));
-        }
-        let mut rates = Self::new(senders);
-        let (begun, stop) = (Instant::now(), stop_flag()?);
-        while begun.elapsed() < time
-            && !stop.load(Ordering::Relaxed)
-            && stillpoint_pipeline::live::run_folder::is_going_on(&attached.folder())
-        {
-            rates.look(&journals)?;
-            std::thread::sleep(LOOK.min(time.saturating_sub(begun.elapsed())));
-        }
-        rates.look(&journals)?;
+        let taps = JournalTaps::open(attached, which)?;
+        let senders = attached.graph.operators.iter();
+        let mut rates = Self::new(
+            senders.map(|o| (o.name.clone(), o.outputs.iter().map(|p| p.topic.clone()).collect())).collect(),
+        );
+        taps.watch(attached, time, &mut |operator, entry| rates.enter(operator, &entry))?;
         Ok(rates)
-    }
-
-    fn look(&mut self, journals: &[(Subscriber, Topic)]) -> Result<(), Failure> {
-        for (at, (journal, _)) in journals.iter().enumerate() {
-            while let Some(sample) = journal.receive().map_err(Failure::failed)? {
-                if let Some(entry) = entry_of(sample.pieces()) {
-                    self.enter(at, &entry);
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Takes an entry of the journal of an operator.
@@ -212,11 +181,6 @@ impl Interval {
         let quantile = |share: f64| all[((count * share).ceil() as usize).clamp(1, all.len()) - 1];
         Some(Self { mean, jitter: variance.sqrt(), min, p50: quantile(0.5), p99: quantile(0.99), max })
     }
-}
-
-fn entry_of(pieces: Pieces<'_>) -> Option<Entry> {
-    let view = pieces.view::<Journal>().ok()?;
-    Some(Entry { header: view.header, body: *view.body, refs: view.elements.to_vec() })
 }
 
 #[cfg(test)]

@@ -1,18 +1,16 @@
 //! What the command observes of a live run: the status on a terminal, and what the valves do.
 
-use std::collections::BTreeSet;
 use std::io::IsTerminal;
 
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::live::Fault;
 use stillpoint_pipeline::live::status::OperatorFigures;
-use stillpoint_pipeline::live::{Fault, contracts};
-use stillpoint_shm::{Subscriber, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
+use crate::held::{HeldTaps, Read};
 use crate::summary::Observed;
-use stillpoint_report::hold::{Held, Hold};
-use stillpoint_report::unanswered::Answers;
+use stillpoint_report::hold::Held;
 
 /// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators. Without a
 /// terminal it only observes what the end of the run states.
@@ -24,52 +22,22 @@ pub struct StatusLine<'a> {
     taps: Option<Taps>,
 }
 
-/// The topics that state how the head is held, read as `echo` reads them.
+/// What is read, and the run that it belongs to. Dropped in this order.
 struct Taps {
-    hold: Hold,
-    answers: Answers,
-    // Dropped in this order: ports, then topics, then the node.
-    subscribers: Vec<(String, Subscriber)>,
-    _topics: Vec<Topic>,
+    held: HeldTaps,
     _attached: Attached,
 }
 
 impl Taps {
-    /// Opens all topics for a terminal; else those that the session does not keep, and those of which no sample may be
-    /// missed.
+    /// Opens all topics for a terminal; else those that the session does not keep.
     fn open(registry: &Registry, for_terminal: bool) -> Result<Self, Failure> {
         let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
-        let (hold, answers) = (Hold::of(&attached.graph), Answers::of(&attached.graph));
-        let valves = Hold::of_valves(&attached.graph);
-        let names: BTreeSet<&str> = hold.topics().chain(answers.topics()).collect();
-        let (mut subscribers, mut topics) = (Vec::new(), Vec::new());
-        for name in names {
-            let Some((operator, port)) = attached.graph.topic(name) else { continue };
-            let is_valve = valves.topics().any(|valve| valve == name);
-            let is_retained = attached.session.is_some() && attached.graph.is_recorded(operator, port);
-            if is_retained && !is_valve && !for_terminal {
-                continue;
-            }
-            let contract = contracts::output(&attached.graph, operator, port);
-            let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
-            // No vent may be overwritten between two looks.
-            let depth = if is_valve { contract.buffer } else { contracts::TAP_DEPTH };
-            let subscriber = topic.subscriber(depth).map_err(Failure::failed)?;
-            subscriber.connect().map_err(Failure::failed)?;
-            subscribers.push((name.to_owned(), subscriber));
-            topics.push(topic);
-        }
-        Ok(Self { hold, answers, subscribers, _topics: topics, _attached: attached })
+        let read = if for_terminal { Read::All } else { Read::NotKept };
+        Ok(Self { held: HeldTaps::open(&attached, read)?, _attached: attached })
     }
 
     fn look(&mut self) -> Held {
-        for (topic, subscriber) in &self.subscribers {
-            while let Ok(Some(sample)) = subscriber.receive() {
-                self.hold.take(topic, sample.pieces());
-                self.answers.take(topic, sample.pieces());
-            }
-        }
-        self.hold.held()
+        self.held.look()
     }
 }
 
@@ -84,7 +52,7 @@ impl<'a> StatusLine<'a> {
     pub fn close(mut self) -> Observed {
         self.clear();
         let Some(mut taps) = self.taps.take() else { return Observed::default() };
-        Observed { held: Some(taps.look()), answers: taps.answers }
+        Observed { held: Some(taps.look()), answers: taps.held.answers }
     }
 
     /// Erases the status.

@@ -12,9 +12,11 @@ use stillpoint_recorder::{Session, SessionError, session_parts};
 use crate::columns::{Columns, Side};
 use crate::exit::Failure;
 use stillpoint_report::accuracy::{self, Accuracy};
+use stillpoint_report::contracts::{self, ContractFigures};
 use stillpoint_report::facts::gaps_of;
 use stillpoint_report::hold::{Held, Hold};
 use stillpoint_report::refused::{self, Refused};
+use stillpoint_report::trace::{Journals, as_run};
 use stillpoint_report::unanswered::{Answers, Verdict};
 use stillpoint_report::uncaptured::{self, Uncaptured};
 
@@ -46,6 +48,7 @@ pub struct Summary<'a> {
     refused: Vec<Refused>,
     uncaptured: Vec<Uncaptured>,
     verdict: Verdict,
+    contracts: Vec<ContractFigures>,
     too_slow: Vec<String>,
     /// What operators leave out of their files, by operator.
     remarks: BTreeMap<String, Vec<String>>,
@@ -77,6 +80,7 @@ impl<'a> Summary<'a> {
             report,
             session,
             verdict: answers.verdict(graph, &report.operators),
+            contracts: readable.map_or_else(Vec::new, |session| judged(session, graph)),
             held,
             accuracy: readable.and_then(accuracy::of_session),
             samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
@@ -108,6 +112,11 @@ impl<'a> Summary<'a> {
         !self.verdict.unanswered.is_empty() || !self.uncaptured.is_empty()
     }
 
+    /// Whether a contract is broken that the pipeline says is a failure.
+    pub fn breaks_contract(&self) -> bool {
+        self.contracts.iter().any(|c| c.is_broken && c.is_fault)
+    }
+
     /// The report as JSON, with the path of the session, how the head was held, the accuracy, the frames without a result,
     /// and the trackers without a reference.
     pub fn to_json(&self) -> Result<Value, Failure> {
@@ -117,6 +126,7 @@ impl<'a> Summary<'a> {
         value["held"] = json!(self.held);
         value["found"] = json!(self.verdict.found);
         value["unanswered"] = json!(self.verdict.unanswered);
+        value["contracts"] = json!(self.contracts);
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
             value["session_bytes"] = size_of(session).into();
@@ -167,6 +177,9 @@ impl<'a> Summary<'a> {
         }
         for slow in &self.too_slow {
             outln!("  {slow}");
+        }
+        for contract in &self.contracts {
+            outln!("{}{contract}", if contract.is_broken { "CONTRACT BROKEN: " } else { "contract " });
         }
         print_losses(report);
         if is_verbose || self.is_wrong() {
@@ -271,6 +284,12 @@ fn print_losses(report: &RunReport) {
         "losses: {message}; {}",
         if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" }
     );
+}
+
+/// The contracts of a graph against the journals of a session.
+pub fn judged(session: &Session, graph: &Graph) -> Vec<ContractFigures> {
+    let ran = as_run(graph, session);
+    contracts::of(&ran, &Journals::of_session(session, Some(&ran)))
 }
 
 fn print_operators(report: &RunReport) {

@@ -7,26 +7,30 @@
 //! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; edges of operators
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
+//! - `contracts`: bounds of time against the journals
+//! - `trace`: how long samples take from a source to a sink, and where the time goes
 //! - `ramp`: the effect of a filter's gains on noise and on a ramp
 //! - `proposal`: the picture of a captured face
 //! - `views`, `camera`, `recomputed`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
 //! - `page`, `html`, `escape`, `drawings`, `page.css`: sections and blocks; the page; its text, charts and style
 //! - `isolines`: lines of one level
-//! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
+//! - `graph`: a pipeline as a picture, for the page and for `stillpoint graph`
+//! - `chart`, `picture`, `numbers`: charts as SVG; PNG files; numbers as text
 
 pub mod accuracy;
 #[cfg(test)]
 mod broken;
 mod camera;
 pub mod chart;
-mod diagram;
+pub mod contracts;
 mod drawings;
 mod episodes;
 mod error;
 mod escape;
 pub mod facts;
 mod far_end;
+pub mod graph;
 pub mod hold;
 pub mod html;
 pub mod isolines;
@@ -50,6 +54,7 @@ mod source;
 mod statistics;
 pub mod target_refusals;
 mod thinned;
+pub mod trace;
 pub mod unanswered;
 pub mod uncaptured;
 mod views;

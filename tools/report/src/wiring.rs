@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use stillpoint_pipeline::graph::{Edge, Graph};
 use stillpoint_recorder::{Role, Session};
 use stillpoint_samples::{Cause, Entry};
 
@@ -30,6 +31,17 @@ impl Wiring {
                 Some(Stage { name: topic.operator.clone(), inputs: inputs.clone(), outputs: outputs.clone() })
             }
             _ => None,
+        });
+        Self { stages: stages.collect() }
+    }
+
+    /// The wiring of a pipeline.
+    pub fn of_graph(graph: &Graph) -> Self {
+        let topic = |edge: &Edge| graph.operators[edge.operator].outputs[edge.output].topic.clone();
+        let stages = graph.operators.iter().map(|node| Stage {
+            name: node.name.clone(),
+            inputs: node.inputs.iter().map(|i| i.edge.as_ref().map(topic).unwrap_or_default()).collect(),
+            outputs: node.outputs.iter().map(|o| o.topic.clone()).collect(),
         });
         Self { stages: stages.collect() }
     }

@@ -1,17 +1,27 @@
 //! `stillpoint check`
 
+use std::path::{Path, PathBuf};
+
 use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::Machine;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, print_json};
 use crate::pipeline_file::PipelineFile;
+use crate::rates::of_session;
+use crate::recorded::with_topics;
+use crate::summary::judged;
 
 /// Check a pipeline for this machine and show all its faults.
 #[derive(Args)]
 pub struct Check {
     #[command(flatten)]
     pipeline: PipelineFile,
+    /// Judge the contracts of the pipeline by the times of this session, and print what would help.
+    #[arg(long, value_name = "SESSION")]
+    against: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -24,6 +34,9 @@ impl Check {
             Ok(checked) => checked.graph,
             Err(refused) => return refused.end(self.json),
         };
+        if let Some(path) = &self.against {
+            return self.judge(&graph, path);
+        }
         if self.json {
             let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
             print_json(&serde_json::json!({ "pipeline": graph.name, "operators": order, "faults": [] }))?;
@@ -39,5 +52,24 @@ impl Check {
             outln!("{}: {operators} in {processes}, no faults", graph.name);
         }
         Ok(Exit::Done)
+    }
+
+    /// Judges the contracts by the times of a session: done if all of them hold.
+    fn judge(&self, graph: &Graph, path: &Path) -> Ended {
+        let session = with_topics(Session::open(path), path)?;
+        let judged = judged(&session, graph);
+        let is_broken = judged.iter().any(|c| c.is_broken);
+        if self.json {
+            print_json(&serde_json::json!({
+                "pipeline": graph.name, "faults": [], "of": of_session(path), "contracts": judged,
+            }))?;
+        } else if judged.is_empty() {
+            outln!("{}: the pipeline has no contracts", graph.name);
+        }
+        for contract in judged.iter().filter(|_| !self.json) {
+            outln!("{}{contract}", if contract.is_broken { "BROKEN: " } else { "kept: " });
+            contract.advice.iter().for_each(|advice| outln!("  {advice}"));
+        }
+        Ok(if is_broken { Exit::Failed } else { Exit::Done })
     }
 }

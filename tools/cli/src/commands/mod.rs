@@ -7,6 +7,7 @@ mod case;
 mod check;
 mod delivered;
 mod echo;
+mod graph;
 mod hz;
 mod identify;
 mod info;
@@ -24,7 +25,9 @@ pub mod run;
 mod schema;
 pub mod send;
 mod stop;
+mod top;
 mod topics;
+mod trace;
 mod train;
 mod types;
 
@@ -72,10 +75,16 @@ pub enum Command {
     Echo(echo::Echo),
     /// List the runs of this machine.
     Ps(ps::Ps),
+    /// Show what a pipeline does: operators, edges, processes, how the head is held, and what is wrong.
+    Top(top::Top),
     /// List the topics of a running pipeline or a session: type, rate, size, consumers.
     Topics(topics::Topics),
     /// Measure the rates of topics and their jitter, of a running pipeline or a session.
     Hz(hz::Hz),
+    /// Measure how long samples take from a source to a sink, and which operator is to blame for the longest.
+    Trace(trace::TracePaths),
+    /// Draw a pipeline, a run or a session: operators, processes, topics, and what was measured.
+    Graph(graph::Graph),
     /// End a run in order, as Ctrl-C does.
     Stop(stop::Stop),
     /// List the types of samples, or describe one.
@@ -122,6 +131,9 @@ impl Command {
             Self::Ps(c) => c.execute(),
             Self::Topics(c) => c.execute(registry),
             Self::Hz(c) => c.execute(registry),
+            Self::Trace(c) => c.execute(registry),
+            Self::Graph(c) => c.execute(registry),
+            Self::Top(c) => c.execute(registry),
             Self::Stop(c) => c.execute(),
             Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),

@@ -7,6 +7,7 @@ use stillpoint_pipeline::live::run_folder::{self, RunState};
 
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::processes::{self, ProcessState};
 
 /// List the runs of this user on this machine: pipeline, age, state and session.
 #[derive(Args)]
@@ -25,6 +26,8 @@ struct Row {
     age_s: f64,
     state: &'static str,
     session: Option<String>,
+    /// Its processes, with the scheduling class that each is granted.
+    processes: Vec<ProcessState>,
     /// Name of the run's folder.
     id: String,
 }
@@ -40,6 +43,7 @@ impl Ps {
                 pipeline: run.card.as_ref().map(|c| c.pipeline.clone()),
                 age_s: run.age.as_secs_f64(),
                 state: word(run.state),
+                processes: run.card.as_ref().map_or_else(Vec::new, |c| processes::of_run(c.pid)),
                 session: run.card.and_then(|c| c.session).map(|s| s.display().to_string()),
                 id: run.id,
             })
@@ -57,6 +61,7 @@ impl Ps {
             (Side::Left, "pipeline"),
             (Side::Right, "age"),
             (Side::Left, "state"),
+            (Side::Left, "real-time"),
             (Side::Left, "session"),
         ];
         let mut table = Columns::new(head);
@@ -66,6 +71,7 @@ impl Ps {
                 row.pipeline.unwrap_or_else(|| "-".to_owned()),
                 age(row.age_s),
                 row.state.to_owned(),
+                real_time(&row.processes),
                 row.session.unwrap_or_else(|| "not recorded".to_owned()),
             ]);
         }
@@ -81,6 +87,13 @@ fn word(state: RunState) -> &'static str {
         RunState::Suspended => "suspended",
         RunState::Dead => "dead",
     }
+}
+
+/// The processes that are granted a real-time priority.
+fn real_time(processes: &[ProcessState]) -> String {
+    let granted = processes.iter().filter(|p| p.granted != "normal");
+    let message: Vec<String> = granted.map(|p| format!("{} {}", p.name, p.granted)).collect();
+    if message.is_empty() { "no".to_owned() } else { message.join(", ") }
 }
 
 /// An age, as people read it.

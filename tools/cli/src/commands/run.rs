@@ -162,6 +162,7 @@ impl Run {
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
             && report.recording_failed.is_none()
             && summary.is_complete()
+            && !summary.breaks_contract()
             && !(self.strict && summary.is_unanswered());
         if self.json {
             print_json(&summary.to_json()?)?;

@@ -22,6 +22,7 @@ mod stages;
 mod summary;
 mod targets;
 mod topics;
+mod trace;
 mod tracks;
 
 use super::page::Section;
@@ -49,6 +50,7 @@ pub const ALL: &[Make] = &[
     alignment::section,
     confidence::section,
     operators::section,
+    trace::section,
     stages::section,
     diagnostics::section,
     ledger::section,

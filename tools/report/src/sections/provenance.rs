@@ -8,10 +8,14 @@ use stillpoint_pipeline::session::{EXTRINSICS, FILES, HASHES, IDENTITY, PARAMS, 
 use stillpoint_recorder::Session;
 
 use crate::ReportError;
-use crate::diagram;
+use crate::graph::{Drawing, svg_in_page};
 use crate::numbers::{count, started};
 use crate::page::{Block, Cell, Section, Table};
 use crate::source::Source;
+use crate::trace::{Journals, as_run};
+
+/// A drawing of more operators would not be read.
+const MOST_DRAWN: usize = 120;
 
 #[derive(Serialize)]
 struct ProvenanceFigures {
@@ -48,8 +52,14 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         facts.row([Cell::text(name), Cell::text(value)]);
     }
     say(Block::Table(facts));
-    if let Some(svg) = diagram::svg(&from.recording.wiring) {
-        say(Block::Drawing(svg, "Operators and edges, from left to right. A dashed edge leads back.".into()));
+    let count_of_operators = from.recording.wiring.stages().len();
+    if (1..=MOST_DRAWN).contains(&count_of_operators) {
+        let graph = from.pipeline.as_ref().ok().map(|(graph, _)| graph.as_ref());
+        let ran = graph.map(|graph| as_run(graph, from.recording.session));
+        let journals = Journals::of_session(from.recording.session, ran.as_ref());
+        let caption = "Operators in their processes, with rate, median latency and losses at each input. A dashed edge \
+                       closes a loop, a dotted one is a link.";
+        say(Block::Drawing(svg_in_page(&Drawing::of(&journals, graph)), caption.into()));
     }
     if !figures.frames.is_empty() {
         let mut table = Table::new("Frames", &["frame", "where"]);

@@ -1,0 +1,13 @@
+//! What `doctor` measures: whether this machine will hold a pipeline.
+//!
+//! - `finding`: a setting with what is wanted, what was found, and how to mend it
+//! - `settings`: settings of the kernel, read from `/proc` and `/sys`
+//! - `limits`: limits of the user, shared memory, ports, and what dead runs left
+//! - `wakeup`: how late a thread wakes, and how far the clocks drift apart
+
+mod finding;
+pub mod limits;
+pub mod settings;
+pub mod wakeup;
+
+pub use finding::{Finding, Verdict};
