@@ -33,6 +33,8 @@ pub enum PoseStatus {
     CaptureLapsed = 9,
     /// The pose is that of the skull, and the face moves by itself: a smile, a word, a swallow. The pose is sent.
     FaceMoves = 10,
+    /// The face moves by itself, and so much that the pose of the skull is unsure: no pose.
+    FaceUnsure = 11,
 }
 
 /// The parts of the confidence that a frame shows what was captured.

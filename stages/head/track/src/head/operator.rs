@@ -82,7 +82,7 @@ struct Found {
     report: PoseReportElement,
     /// The frame fits the reference, and the checks of its identity fail.
     doubted: bool,
-    /// The face moves: its skull has the pose.
+    /// The face moves: its skull has the pose, or the face is why it has none.
     is_face: bool,
 }
 
@@ -288,7 +288,8 @@ impl Operator for TrackHead {
         };
         let report = match found.doubted {
             true if report.status != PoseStatus::CaptureRefused as u32 => {
-                PoseReportElement { status: PoseStatus::Doubted as u32, ..report }
+                let status = if found.is_face { PoseStatus::FaceUnsure } else { PoseStatus::Doubted };
+                PoseReportElement { status: status as u32, ..report }
             }
             false if found.is_face && report::has_moved_pose(report.status) => {
                 PoseReportElement { status: PoseStatus::FaceMoves as u32, ..report }
@@ -388,7 +389,8 @@ impl TrackHead {
         }
     }
 
-    /// Judges whether a frame with a pose does not show what was captured, and whether its face moves.
+    /// Judges whether a frame with a pose does not show what was captured, and whether its face moves: where it is doubted,
+    /// whether that is why.
     fn is_doubted(
         &mut self,
         tracked: &TrackedPose,
@@ -410,7 +412,8 @@ impl TrackHead {
         let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
-        (judged.confidence() < ENOUGH, judged.faces)
+        let is_doubted = judged.confidence() < ENOUGH;
+        (is_doubted, if is_doubted { judged.explained } else { judged.faces })
     }
 
     fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {
