@@ -38,6 +38,10 @@ const APART_FRAMES: usize = 15;
 /// While a face moves, for at most so long, ns, its parts may be farther apart by this: brows and lids. The beam is off.
 const EASED: f64 = 3.0;
 const EASED_TIME: u64 = 5_000_000_000;
+/// A face explains doubts for so long after it was last seen to move, ns, and movements of what is no face, which the pose
+/// makes that follows a face, up to this multiple of their limit.
+const RECENT: u64 = 1_000_000_000;
+const BESIDE_FACE: f64 = 2.0;
 /// Least part of a quarter's points that must lie on the surface.
 const QUARTER: f64 = 0.35;
 /// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
@@ -87,8 +91,8 @@ pub struct Judged {
     pub agreement: Agreement,
     /// The face moves by itself.
     pub faces: bool,
-    /// If the frame is doubted, a face that moves explains it: what is no face agrees, and size, overlap, residual and place
-    /// are right.
+    /// If the frame is doubted, a face that moves explains it: what is no face moves by little, and size, overlap, residual
+    /// and place are right.
     pub explained: bool,
 }
 
@@ -122,6 +126,8 @@ pub struct Identity {
     has_face: bool,
     /// Since when the face moves, ns.
     face: Option<u64>,
+    /// When the face was last seen to move, ns.
+    moved_face: Option<u64>,
     /// Movements of the halves against each other in the first frames with a face at rest, m.
     apart: Vec<f64>,
 }
@@ -143,6 +149,7 @@ impl Identity {
             density: 0.0,
             dense_frames: 0,
             face: None,
+            moved_face: None,
             apart: Vec::with_capacity(APART_FRAMES),
         }
     }
@@ -188,10 +195,12 @@ impl Identity {
             apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
         let others =
             |part: IdentityPart| part != IdentityPart::Agreement && certainty[part as usize] < ENOUGH;
-        let is_face = seen.moves.face || seen.moves.skin > 1.0;
-        let explained = self.has_face
-            && is_face
-            && seen.moves.most <= 1.0
+        if self.has_face && (seen.moves.face || seen.moves.skin > 1.0) {
+            self.moved_face = Some(frame.time);
+        }
+        let is_face = self.moved_face.is_some_and(|at| frame.time.saturating_sub(at) <= RECENT);
+        let explained = is_face
+            && seen.moves.most <= BESIDE_FACE
             && quarter >= ENOUGH
             && !IdentityPart::ALL.iter().any(|(_, part)| others(*part));
         let judged = Judged { certainty, agreement: seen, faces, explained };

@@ -27,10 +27,15 @@ const FACE: usize = 0;
 const COMMAND: usize = 1;
 const REJECTION: usize = 2;
 const CONFIRM: usize = 3;
+const FRAME: usize = 4;
 const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
 const REPORT: usize = 3;
+/// A head that is not cut out is followed where it is expected, for at most so long after it was cut out, ns.
+const FOLLOWED: u64 = 10_000_000_000;
+/// Less of the reference under the points, over the least that a pose needs, and the head was hardly cut out.
+const HARDLY: f64 = 0.1;
 
 /// Sends the pose of each face against the reference, and a report on each.
 ///
@@ -70,6 +75,10 @@ pub struct TrackHead {
     /// The finite points of the frame, and of the one before.
     cloud: Vec<Vector3<f64>>,
     before: Vec<Vector3<f64>>,
+    /// The points of a whole frame that lie where the head is expected.
+    near: Vec<Vector3<f64>>,
+    /// When the head was last cut out and had a pose, ns.
+    cut_out: Option<u64>,
     /// What was found in the frame before, against the reference that there is.
     found: Option<Found>,
 }
@@ -84,6 +93,8 @@ struct Found {
     doubted: bool,
     /// The face moves: its skull has the pose, or the face is why it has none.
     is_face: bool,
+    /// The pose is that of the points where the head was expected.
+    is_followed: bool,
 }
 
 impl Operator for TrackHead {
@@ -120,6 +131,13 @@ impl Operator for TrackHead {
                 policy: Policy::Queue(8),
                 required: false,
                 about: "`confirm` says that the present reference shows the head: a person has looked. Another reference needs another.",
+            },
+            Input {
+                name: "cloud",
+                sample: PointCloud::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "The points of the whole frame, in the frame of `face`. If it is connected, a head that is not cut out, behind an arm for example, is followed where it is expected.",
             },
         ],
         outputs: &[
@@ -174,7 +192,15 @@ impl Operator for TrackHead {
             None => None,
         };
         let mut tracker = HeadTracker::new(params.tracking());
-        let face_frame = setup.input_frames.get(FACE).and_then(Option::as_deref);
+        let frame_of = |port: usize| setup.input_frames.get(port).and_then(Option::as_deref);
+        let face_frame = frame_of(FACE);
+        if setup.is_connected(FRAME) && frame_of(FRAME) != face_frame {
+            return Err(SetupError(format!(
+                "`cloud` is in the frame {}, `face` in {}: connect the cloud of which the face is a part",
+                frame_of(FRAME).unwrap_or("(none)"),
+                face_frame.unwrap_or("(none)")
+            )));
+        }
         if params.soft_tissue == SoftTissue::Weighted
             && let Some(couch_from_face) = face_frame.and_then(|frame| setup.transform(COUCH, frame))
         {
@@ -212,6 +238,8 @@ impl Operator for TrackHead {
             output_from_face,
             cloud: Vec::new(),
             before: Vec::new(),
+            near: Vec::new(),
+            cut_out: None,
             found: None,
         })
     }
@@ -241,6 +269,11 @@ impl Operator for TrackHead {
             }
             self.capture.note(None);
             let standing = self.capture.pass(rejection.header.origin);
+            if standing.is_ok()
+                && let Some(found) = self.followed(activation, rejection.header.origin)
+            {
+                return self.send_followed(found, outputs);
+            }
             // Where the head was last stays the best guess of where it is.
             let report = self.without_a_face();
             let report = if standing.is_err() { report::of_lapsed(report) } else { report };
@@ -261,7 +294,7 @@ impl Operator for TrackHead {
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
         // each time, and nobody would notice that the camera is frozen.
         let again = self.found.take().filter(|_| is_repeated);
-        let found = again.unwrap_or_else(|| self.find(time));
+        let found = again.unwrap_or_else(|| self.find(activation, time));
         if let Some((_, identity)) = &mut self.identity {
             identity.pass(time);
         }
@@ -290,6 +323,9 @@ impl Operator for TrackHead {
             true if report.status != PoseStatus::CaptureRefused as u32 => {
                 let status = if found.is_face { PoseStatus::FaceUnsure } else { PoseStatus::Doubted };
                 PoseReportElement { status: status as u32, ..report }
+            }
+            false if found.is_followed && report::has_moved_pose(report.status) => {
+                PoseReportElement { status: PoseStatus::Followed as u32, ..report }
             }
             false if found.is_face && report::has_moved_pose(report.status) => {
                 PoseReportElement { status: PoseStatus::FaceMoves as u32, ..report }
@@ -363,10 +399,74 @@ impl TrackHead {
     }
 
     /// Looks for the head in the frame, which was acquired at `time`, ns.
-    fn find(&mut self, time: u64) -> Found {
+    fn find(&mut self, activation: &Activation<'_>, time: u64) -> Found {
+        let tracked = self.tracker.track(&self.cloud, time);
+        let least = self.min_overlap + HARDLY;
+        let is_cut_out = tracked.as_ref().is_ok_and(|tracked| tracked.alignment.overlap >= least);
+        if !is_cut_out && let Some(followed) = self.expected(activation, time) {
+            let overlap = tracked.as_ref().map_or(0.0, |tracked| tracked.alignment.overlap);
+            let is_better = followed.alignment.overlap > overlap;
+            let found = is_better.then(|| self.found(Ok(followed), time));
+            // The face is compared with that of the next frame.
+            std::mem::swap(&mut self.cloud, &mut self.near);
+            if let Some(found) = found {
+                return Found { is_followed: true, ..found };
+            }
+        }
+        let found = self.found(tracked, time);
+        if is_cut_out && !found.doubted {
+            self.cut_out = Some(time);
+        }
+        found
+    }
+
+    /// The pose of the points of the whole frame that lie where the head is expected, and these points in `cloud`. `None`
+    /// where the cloud is not connected, of another frame, or too little of the head is seen; then `cloud` stays.
+    fn expected(&mut self, activation: &Activation<'_>, time: u64) -> Option<TrackedPose> {
+        let since = self.cut_out?;
+        let whole = activation.input::<PointCloud>(FRAME).filter(|whole| whole.header.origin == time)?;
+        if time.saturating_sub(since) > FOLLOWED {
+            return None;
+        }
+        let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
+        let points = whole.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from)));
+        self.tracker.expected(points, time, &mut self.near);
+        let followed = self.tracker.follow(&self.near, time)?;
+        std::mem::swap(&mut self.cloud, &mut self.near);
+        Some(followed)
+    }
+
+    /// What a frame without a face shows where the head is expected; `None` where that is not the head.
+    fn followed(&mut self, activation: &Activation<'_>, time: u64) -> Option<Found> {
+        self.found = None;
+        let followed = self.expected(activation, time)?;
+        // A camera that is frozen gives the same points again: they have no pose, as no face is in them.
+        let is_same = self.cloud == self.before;
+        self.before.clone_from(&self.cloud);
+        if is_same {
+            return None;
+        }
+        let found = Found { is_followed: true, ..self.found(Ok(followed), time) };
+        (!found.doubted).then_some(found)
+    }
+
+    fn send_followed(&self, found: Found, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let pose = match self.method {
+            Method::Dense => &found.dense,
+            Method::ThreePoints => &found.three_points,
+        };
+        if let Some(pose) = pose {
+            outputs.send::<Pose>(POSE, pose)?;
+        }
+        let (status, reference) = (PoseStatus::Followed as u32, self.capture.number());
+        let report = PoseReportElement { status, reference, ..self.standing(found.report) };
+        outputs.send::<PoseReport>(REPORT, &report)
+    }
+
+    /// What the points in `cloud` tell of the head that was tracked in them.
+    fn found(&mut self, tracked: Result<TrackedPose, Loss>, time: u64) -> Found {
         let mut report = report::empty();
         let three_points = self.three_points(&mut report);
-        let tracked = self.tracker.track(&self.cloud, time);
         let dense = match &tracked {
             Ok(tracked) => Some(self.dense(tracked, &mut report)),
             Err(loss) => {
@@ -386,6 +486,7 @@ impl TrackHead {
             report,
             doubted,
             is_face,
+            is_followed: false,
         }
     }
 
