@@ -295,15 +295,15 @@ impl HeadTracker {
         points.extend(frame.filter(is_expected));
     }
 
-    /// The pose of such points. `None` where too few of them lie on the reference: nothing is searched, and where the head
-    /// was last stays known.
-    pub fn follow(&mut self, points: &[Vector3<f64>], time: u64) -> Option<TrackedPose> {
+    /// The pose of such points. `None` where less than `least` of the reference lies under them: nothing is searched, and
+    /// where the head was last stays known.
+    pub fn follow(&mut self, points: &[Vector3<f64>], time: u64, least: f64) -> Option<TrackedPose> {
         let Self { params, aligner, reference, .. } = self;
         let reference = reference.as_mut()?;
         let centroid = mean(points).filter(|_| points.len() >= params.min_points)?;
         let start = reference.near(points, &centroid, time)?;
         let alignment = settled(aligner, &reference.surface, points, &start, params);
-        (alignment.overlap >= params.min_overlap).then(|| reference.accept(alignment, time, Way::Tracked))
+        (alignment.overlap >= least).then(|| reference.accept(alignment, time, Way::Tracked))
     }
 
     /// The motion since the capture by the dissertation's three points, in the camera's frame. `None` without a

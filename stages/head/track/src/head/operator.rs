@@ -34,6 +34,8 @@ const REFERENCE: usize = 2;
 const REPORT: usize = 3;
 /// A head that is not cut out is followed where it is expected, for at most so long after it was cut out, ns.
 const FOLLOWED: u64 = 10_000_000_000;
+/// Part of the overlap that a pose needs otherwise, where an arm may hide the rest: the beam is off.
+const FOLLOWED_OVERLAP: f64 = 0.7;
 /// Less of the reference under the points, over the least that a pose needs, and the head was hardly cut out.
 const HARDLY: f64 = 0.1;
 
@@ -81,6 +83,15 @@ pub struct TrackHead {
     cut_out: Option<u64>,
     /// What was found in the frame before, against the reference that there is.
     found: Option<Found>,
+}
+
+/// How points came to be the head's.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cut {
+    /// They were cut out of the frame.
+    Out,
+    /// They lie where the head was expected.
+    Expected,
 }
 
 /// What was found in a frame.
@@ -406,14 +417,14 @@ impl TrackHead {
         if !is_cut_out && let Some(followed) = self.expected(activation, time) {
             let overlap = tracked.as_ref().map_or(0.0, |tracked| tracked.alignment.overlap);
             let is_better = followed.alignment.overlap > overlap;
-            let found = is_better.then(|| self.found(Ok(followed), time));
+            let found = is_better.then(|| self.found(Ok(followed), time, Cut::Expected));
             // The face is compared with that of the next frame.
             std::mem::swap(&mut self.cloud, &mut self.near);
             if let Some(found) = found {
-                return Found { is_followed: true, ..found };
+                return found;
             }
         }
-        let found = self.found(tracked, time);
+        let found = self.found(tracked, time, Cut::Out);
         if is_cut_out && !found.doubted {
             self.cut_out = Some(time);
         }
@@ -431,7 +442,7 @@ impl TrackHead {
         let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
         let points = whole.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from)));
         self.tracker.expected(points, time, &mut self.near);
-        let followed = self.tracker.follow(&self.near, time)?;
+        let followed = self.tracker.follow(&self.near, time, FOLLOWED_OVERLAP * self.min_overlap)?;
         std::mem::swap(&mut self.cloud, &mut self.near);
         Some(followed)
     }
@@ -446,7 +457,7 @@ impl TrackHead {
         if is_same {
             return None;
         }
-        let found = Found { is_followed: true, ..self.found(Ok(followed), time) };
+        let found = self.found(Ok(followed), time, Cut::Expected);
         (!found.doubted).then_some(found)
     }
 
@@ -464,7 +475,7 @@ impl TrackHead {
     }
 
     /// What the points in `cloud` tell of the head that was tracked in them.
-    fn found(&mut self, tracked: Result<TrackedPose, Loss>, time: u64) -> Found {
+    fn found(&mut self, tracked: Result<TrackedPose, Loss>, time: u64, cut: Cut) -> Found {
         let mut report = report::empty();
         let three_points = self.three_points(&mut report);
         let dense = match &tracked {
@@ -475,7 +486,7 @@ impl TrackHead {
             }
         };
         let (doubted, is_face) = match &tracked {
-            Ok(tracked) => self.is_doubted(tracked, time, &mut report),
+            Ok(tracked) => self.is_doubted(tracked, time, cut, &mut report),
             Err(_) => (false, false),
         };
         let trusted = |pose: Option<PoseElement>| pose.filter(|_| !doubted);
@@ -486,7 +497,7 @@ impl TrackHead {
             report,
             doubted,
             is_face,
-            is_followed: false,
+            is_followed: cut == Cut::Expected,
         }
     }
 
@@ -496,6 +507,7 @@ impl TrackHead {
         &mut self,
         tracked: &TrackedPose,
         time: u64,
+        cut: Cut,
         report: &mut PoseReportElement,
     ) -> (bool, bool) {
         let Some(surface) = self.tracker.surface() else { return (false, false) };
@@ -510,7 +522,8 @@ impl TrackHead {
             motion: &tracked.current_from_reference,
             time,
         };
-        let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
+        let part = if cut == Cut::Expected { FOLLOWED_OVERLAP } else { 1.0 };
+        let needed = Needed { overlap: part * self.min_overlap, tolerance: self.tolerance };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
         let is_doubted = judged.confidence() < ENOUGH;
