@@ -80,6 +80,8 @@ pub struct Needed {
     pub overlap: f64,
     /// A point within this distance lies on it, m.
     pub tolerance: f64,
+    /// Whether half of the surface may be hidden. Otherwise a pose needs all halves.
+    pub may_hide: bool,
 }
 
 /// What the checks said of a frame.
@@ -189,7 +191,8 @@ impl Identity {
         let is_skin = seen.moves.skin > 1.0 && seen.moves.skin < EASED;
         let eased = self.eased(seen.moves.face || is_skin, frame.time);
         let faces = seen.moves.face || (is_skin && eased > 1.0);
-        let apart = below(seen.apart, eased * self.apart_limit(seen.apart, noise, faces));
+        let apart = if needed.may_hide { seen.apart_seen } else { seen.apart };
+        let apart = below(apart, eased * self.apart_limit(apart, noise, faces));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
         certainty[IdentityPart::Agreement as usize] =
             apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));

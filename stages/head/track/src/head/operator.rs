@@ -522,8 +522,9 @@ impl TrackHead {
             motion: &tracked.current_from_reference,
             time,
         };
-        let part = if cut == Cut::Expected { FOLLOWED_OVERLAP } else { 1.0 };
-        let needed = Needed { overlap: part * self.min_overlap, tolerance: self.tolerance };
+        let may_hide = cut == Cut::Expected;
+        let part = if may_hide { FOLLOWED_OVERLAP } else { 1.0 };
+        let needed = Needed { overlap: part * self.min_overlap, tolerance: self.tolerance, may_hide };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
         let is_doubted = judged.confidence() < ENOUGH;
