@@ -13,6 +13,7 @@ mod frozen;
 mod guide;
 mod head_tracking;
 mod held_head;
+mod living;
 mod mismatched;
 mod misspelled;
 mod null_sink;

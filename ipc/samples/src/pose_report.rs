@@ -33,6 +33,11 @@ pub enum PoseStatus {
     CaptureLapsed = 9,
     /// The pose is that of the skull, and the face moves by itself: a smile, a word, a swallow. The pose is sent.
     FaceMoves = 10,
+    /// The face moves by itself, and so much that the pose of the skull is unsure: no pose.
+    FaceUnsure = 11,
+    /// The head was not cut out of the frame, or little of it: the pose is that of the points where the head was expected.
+    /// The pose is sent, and the beam stays off.
+    Followed = 12,
 }
 
 /// The parts of the confidence that a frame shows what was captured.

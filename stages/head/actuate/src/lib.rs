@@ -15,6 +15,7 @@
 //! - [`far_watch`]: whether orders arrive at the far end
 //! - `drive`, of `shaping` and [`pressure`]: bounds and growth of duties; pressures estimated from them
 //! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
+//! - `face_watch`: whether a face that moves explains why there is no fresh pose
 //! - `plan_watch`: whether the standing plan holds in the requested set-up
 //! - [`aim`], `lease`: errors against tolerances; the lease of the beam
 //! - `sender`: the sending end of datagrams
@@ -29,6 +30,7 @@ mod answer;
 pub mod datagram;
 mod drive;
 mod extrinsic;
+mod face_watch;
 mod far_end;
 pub mod far_watch;
 pub mod key;

@@ -62,10 +62,44 @@ const PARTS: [Part; 25] = [
     ([0.0, -92.0, -24.0], [53.0, 84.0, 50.0], [8.0, 0.0, 0.0]),
 ];
 
+/// What a part of the head is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tissue {
+    /// It follows the skull.
+    Bone,
+    /// The lower jaw and the chin.
+    Jaw,
+    /// The soft part of a cheek.
+    Cheek,
+    /// The lips.
+    Lips,
+    /// An eye under its lid.
+    Lid,
+    /// A brow.
+    Brow,
+    /// The neck.
+    Neck,
+}
+
+/// Of each part of the adult head.
+fn tissue(part: usize) -> Tissue {
+    match part {
+        5..=8 => Tissue::Jaw,
+        11 | 12 => Tissue::Cheek,
+        13 | 14 => Tissue::Brow,
+        15 | 16 => Tissue::Lid,
+        21 => Tissue::Lips,
+        24 => Tissue::Neck,
+        _ => Tissue::Bone,
+    }
+}
+
 /// A head, as ellipsoids in the head frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Head {
     parts: Vec<Ellipsoid>,
+    /// The first parts are those of the adult head, in its order; what is worn follows the skull.
+    natural: usize,
 }
 
 impl Head {
@@ -90,13 +124,13 @@ impl Head {
                 )
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { parts })
+        Ok(Self { parts, natural: PARTS.len() })
     }
 
     /// A head of parts of one's own, placed in the head frame.
     #[must_use]
     pub fn of(parts: Vec<Ellipsoid>) -> Self {
-        Self { parts }
+        Self { parts, natural: 0 }
     }
 
     /// The head with further parts, which move with it.
@@ -109,6 +143,11 @@ impl Head {
     /// The ellipsoids whose union is the head, placed in the head frame.
     pub fn parts(&self) -> &[Ellipsoid] {
         &self.parts
+    }
+
+    /// What each part is of; parts of one's own follow the skull.
+    pub fn tissues(&self) -> impl Iterator<Item = Tissue> + '_ {
+        (0..self.parts.len()).map(|part| if part < self.natural { tissue(part) } else { Tissue::Bone })
     }
 
     /// Depth of a place (head frame, m) below the skin, m, to the first order; negative outside.

@@ -19,6 +19,7 @@
 //! - [`sensor`]: from a view to the depth image that a camera would give
 //! - [`involuntary`]: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
+//! - [`person`]: a neck of skin, a chest that breathes, a face that moves
 //! - `camera_view`: all that makes an image, as one
 //! - `operator`, `rig.camera`
 //! - `view_operator`, `rig.view`: further cameras over the same head
@@ -33,6 +34,7 @@ pub mod noise;
 mod normal;
 mod operator;
 pub mod patient;
+pub mod person;
 mod quadric;
 pub mod ray;
 pub mod render;

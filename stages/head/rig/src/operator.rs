@@ -4,7 +4,9 @@ use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
-use crate::camera_view::{COUCH, CameraView, ImageParams, Noise, Setting, exact_pose};
+use crate::camera_view::{
+    COUCH, CameraView, ExpressionParams, ImageParams, Living, Neck, Noise, Setting, exact_pose,
+};
 use crate::setting;
 use crate::trajectory::{self, Trajectory};
 
@@ -53,6 +55,11 @@ pub struct CameraParams {
     /// Size of the head; 1 is an adult's head.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
+    /// The neck. `skin` bends between the head and a torso whose chest breathes.
+    #[param(default = "rigid")]
+    pub neck: Neck,
+    /// Expressions of the face and their times.
+    pub expressions: Option<Vec<ExpressionParams>>,
 }
 
 impl CameraParams {
@@ -96,8 +103,10 @@ impl Operator for Camera {
 
     fn new(params: CameraParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let rest = setting::Setting::from(params.setting).rest(params.head_scale);
+        let living =
+            Living { neck: params.neck, expressions: params.expressions.as_deref().unwrap_or(&[]), rest };
         Ok(Self {
-            camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, setup)?,
+            camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, &living, setup)?,
             script: Trajectory::new(params.motion.into(), params.seed, rest),
             begin: None,
         })
@@ -111,7 +120,7 @@ impl Operator for Camera {
         let begin = *self.begin.get_or_insert(activation.time);
         let seconds = activation.time.saturating_sub(begin) as f64 * 1e-9;
         let couch_from_head = self.script.couch_from_head(seconds);
-        self.camera_view.send(&couch_from_head, activation, outputs, DEPTH)?;
+        self.camera_view.send(&couch_from_head, seconds, activation, outputs, DEPTH)?;
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))
     }
 }

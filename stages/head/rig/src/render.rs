@@ -9,7 +9,7 @@ use crate::head::Head;
 use crate::quadric::Quadric;
 use crate::ray::Ray;
 use crate::scene::{Label, Scene};
-use crate::shape::first_non_finite;
+use crate::shape::{Ellipsoid, first_non_finite};
 use crate::view::{Rect, RenderedView};
 
 /// The reason why an image cannot be rendered.
@@ -18,7 +18,7 @@ pub enum RenderError {
     /// A pose that is not finite.
     #[error("{transform} contains {value}; give a finite translation and rotation")]
     Pose {
-        /// `couch_from_camera` or `couch_from_head`.
+        /// `couch_from_camera`, `couch_from_head` or `couch_from_part`.
         transform: &'static str,
         /// The first component that is not finite.
         value: f64,
@@ -35,11 +35,11 @@ pub struct Renderer {
     head: Head,
     background: RenderedView,
     view: RenderedView,
-    /// The head's part that each pixel shows, by number.
+    /// The moving part that each pixel shows, by number.
     part: Vec<u8>,
     /// x of the direction of each column.
     x_of_column: Vec<f64>,
-    parts_seen: Vec<Quadric>,
+    parts_seen: Vec<(Quadric, Label)>,
     head_rect: Rect,
 }
 
@@ -80,16 +80,37 @@ impl Renderer {
     /// [`RenderError::Pose`] when the pose is not finite; the view stays what it was.
     pub fn render(&mut self, couch_from_head: &Isometry3<f64>) -> Result<&RenderedView, RenderError> {
         check("couch_from_head", couch_from_head)?;
-        self.erase_head();
         let camera_from_head = self.camera_from_couch * couch_from_head;
         self.parts_seen.clear();
-        self.parts_seen
-            .extend(self.head.parts().iter().filter_map(|part| Quadric::new(&camera_from_head, part)));
+        let seen = |part| Some((Quadric::new(&camera_from_head, part)?, Label::Head));
+        self.parts_seen.extend(self.head.parts().iter().filter_map(seen));
+        Ok(self.show())
+    }
+
+    /// The view with these parts in the place of the head, in the couch frame, at most 255.
+    ///
+    /// # Errors
+    /// [`RenderError::Pose`] when the place of a part is not finite; the view stays what it was.
+    pub fn render_parts(&mut self, parts: &[(Ellipsoid, Label)]) -> Result<&RenderedView, RenderError> {
+        for (part, _) in parts {
+            check("couch_from_part", part.parent_from_shape())?;
+        }
+        let Self { parts_seen, camera_from_couch, .. } = self;
+        parts_seen.clear();
+        let seen =
+            |(part, label): &(Ellipsoid, Label)| Some((Quadric::new(camera_from_couch, part)?, *label));
+        parts_seen.extend(parts.iter().take(usize::from(NO_PART)).filter_map(seen));
+        Ok(self.show())
+    }
+
+    /// Draws the parts that are seen.
+    fn show(&mut self) -> &RenderedView {
+        self.erase_head();
         for part in 0..self.parts_seen.len() {
             self.draw(part);
         }
-        self.label_head();
-        Ok(&self.view)
+        self.label_parts();
+        &self.view
     }
 
     fn erase_head(&mut self) {
@@ -104,7 +125,7 @@ impl Renderer {
     }
 
     fn draw(&mut self, part: usize) {
-        let quadric = self.parts_seen[part];
+        let (quadric, _) = self.parts_seen[part];
         let width = self.view.width;
         for v in 0..self.view.height {
             let row = quadric.on_row(self.camera.direction(0, v).y);
@@ -126,7 +147,7 @@ impl Renderer {
         }
     }
 
-    fn label_head(&mut self) {
+    fn label_parts(&mut self) {
         let rect = self.head_rect;
         if rect.is_empty() {
             return;
@@ -135,9 +156,9 @@ impl Renderer {
             let y = self.camera.direction(0, v).y;
             for u in rect.u0..rect.u1 {
                 let pixel = v * self.view.width + u;
-                if let Some(quadric) = self.parts_seen.get(usize::from(self.part[pixel])) {
+                if let Some((quadric, label)) = self.parts_seen.get(usize::from(self.part[pixel])) {
                     let t = f64::from(self.view.depth_m[pixel]);
-                    self.view.label[pixel] = Label::Head as u8;
+                    self.view.label[pixel] = *label as u8;
                     self.view.cosine[pixel] = quadric.cosine(self.x_of_column[u], y, t) as f32;
                 }
             }

@@ -89,6 +89,19 @@ impl Scene {
         self.objects.extend(objects);
     }
 
+    /// Takes the ellipsoids of a body out of the things that stand still.
+    pub fn take_body(&mut self) -> Vec<Ellipsoid> {
+        let mut body = Vec::new();
+        self.objects.retain(|object| match object.form {
+            Form::Ellipsoid(shape) if object.label == Label::Body => {
+                body.push(shape);
+                false
+            }
+            _ => true,
+        });
+        body
+    }
+
     /// The things that stand still, in the couch frame.
     pub fn objects(&self) -> &[Object] {
         &self.objects

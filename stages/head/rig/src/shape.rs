@@ -49,6 +49,12 @@ impl Ellipsoid {
         Ok(Self { parent_from_shape, semi_axes })
     }
 
+    /// The same ellipsoid at another place. A pose that is not finite is the caller's to refuse.
+    #[must_use]
+    pub fn placed(&self, parent_from_shape: Isometry3<f64>) -> Self {
+        Self { parent_from_shape, ..*self }
+    }
+
     /// The pose of the ellipsoid in the frame of whatever it belongs to.
     pub fn parent_from_shape(&self) -> &Isometry3<f64> {
         &self.parent_from_shape

@@ -4,7 +4,8 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
-use crate::camera_view::{CameraView, ImageParams, Noise, Setting};
+use crate::camera_view::{CameraView, ExpressionParams, ImageParams, Living, Neck, Noise, Setting};
+use crate::setting;
 
 const TRUTH: usize = 0;
 const DEPTH: usize = 0;
@@ -30,6 +31,11 @@ pub struct ViewParams {
     /// Size of the head: the same as in the rig.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
+    /// The neck: the same as in the rig.
+    #[param(default = "rigid")]
+    pub neck: Neck,
+    /// Expressions of the face: the same as in the rig.
+    pub expressions: Option<Vec<ExpressionParams>>,
 }
 
 impl ViewParams {
@@ -44,6 +50,8 @@ impl ViewParams {
 /// It shows the head at the newest truth, which a rig sends at each of its ticks: no older than one of them.
 pub struct CameraOperator {
     camera_view: CameraView,
+    /// Time of the first truth, ns: the start of the rig.
+    begin: Option<u64>,
 }
 
 impl Operator for CameraOperator {
@@ -69,7 +77,12 @@ impl Operator for CameraOperator {
     };
 
     fn new(params: ViewParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        Ok(Self { camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, setup)? })
+        let rest = setting::Setting::from(params.setting).rest(params.head_scale);
+        let living =
+            Living { neck: params.neck, expressions: params.expressions.as_deref().unwrap_or(&[]), rest };
+        let camera_view =
+            CameraView::new(&params.image(), params.setting, params.head_scale, &living, setup)?;
+        Ok(Self { camera_view, begin: None })
     }
 
     fn capacities(params: &ViewParams) -> Vec<usize> {
@@ -79,9 +92,11 @@ impl Operator for CameraOperator {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(truth) = activation.input::<Pose>(TRUTH) else { return Ok(()) };
         let Some(pose) = truth.first() else { return Ok(()) };
+        let begin = *self.begin.get_or_insert(truth.header.stamp);
         outputs.acquired_at(truth.header.stamp);
         self.camera_view.send(
             &stillpoint_pose::isometry(pose.position, pose.orientation),
+            truth.header.stamp.saturating_sub(begin) as f64 * 1e-9,
             activation,
             outputs,
             DEPTH,

@@ -36,7 +36,7 @@ const ROUNDS: usize = 5;
 /// Cloud, the steps of the segmentation, pose, identity.
 const STEPS: usize = SegmentationStep::NAMES.len() + 3;
 /// What a pose needs: as `track.head` by default.
-const NEEDED: Needed = Needed { overlap: 0.5, tolerance: 5e-3 };
+const NEEDED: Needed = Needed { overlap: 0.5, tolerance: 5e-3, may_hide: false };
 
 struct Frame {
     name: String,

@@ -31,9 +31,17 @@ const REGION_TURN: f64 = 0.9;
 const APART: f64 = 0.5;
 const APART_LEAST: f64 = 0.3e-3;
 const APART_MOST: f64 = 0.8e-3;
+/// The same in multiples of what it is in the middle of the first frames, where a table of movements lies on the surface:
+/// neighbouring points of a camera err alike, and the noise of the reference does not show it.
+const APART_TIMES: f64 = 2.2;
+const APART_FRAMES: usize = 15;
 /// While a face moves, for at most so long, ns, its parts may be farther apart by this: brows and lids. The beam is off.
 const EASED: f64 = 3.0;
 const EASED_TIME: u64 = 5_000_000_000;
+/// A face explains doubts for so long after it was last seen to move, ns, and movements of what is no face, which the pose
+/// makes that follows a face, up to this multiple of their limit.
+const RECENT: u64 = 1_000_000_000;
+const BESIDE_FACE: f64 = 2.0;
 /// Least part of a quarter's points that must lie on the surface.
 const QUARTER: f64 = 0.35;
 /// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
@@ -72,6 +80,8 @@ pub struct Needed {
     pub overlap: f64,
     /// A point within this distance lies on it, m.
     pub tolerance: f64,
+    /// Whether half of the surface may be hidden. Otherwise a pose needs all halves.
+    pub may_hide: bool,
 }
 
 /// What the checks said of a frame.
@@ -83,6 +93,9 @@ pub struct Judged {
     pub agreement: Agreement,
     /// The face moves by itself.
     pub faces: bool,
+    /// If the frame is doubted, a face that moves explains it: what is no face moves by little, and size, overlap, residual
+    /// and place are right.
+    pub explained: bool,
 }
 
 impl Judged {
@@ -115,6 +128,10 @@ pub struct Identity {
     has_face: bool,
     /// Since when the face moves, ns.
     face: Option<u64>,
+    /// When the face was last seen to move, ns.
+    moved_face: Option<u64>,
+    /// Movements of the halves against each other in the first frames with a face at rest, m.
+    apart: Vec<f64>,
 }
 
 impl Identity {
@@ -134,6 +151,8 @@ impl Identity {
             density: 0.0,
             dense_frames: 0,
             face: None,
+            moved_face: None,
+            apart: Vec::with_capacity(APART_FRAMES),
         }
     }
 
@@ -172,18 +191,41 @@ impl Identity {
         let is_skin = seen.moves.skin > 1.0 && seen.moves.skin < EASED;
         let eased = self.eased(seen.moves.face || is_skin, frame.time);
         let faces = seen.moves.face || (is_skin && eased > 1.0);
-        let apart_most = if self.has_face { APART_MOST } else { f64::INFINITY };
-        let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, apart_most));
+        let apart = if needed.may_hide { seen.apart_seen } else { seen.apart };
+        let apart = below(apart, eased * self.apart_limit(apart, noise, faces));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
         certainty[IdentityPart::Agreement as usize] =
             apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
-        let judged = Judged { certainty, agreement: seen, faces };
+        let others =
+            |part: IdentityPart| part != IdentityPart::Agreement && certainty[part as usize] < ENOUGH;
+        if self.has_face && (seen.moves.face || seen.moves.skin > 1.0) {
+            self.moved_face = Some(frame.time);
+        }
+        let is_face = self.moved_face.is_some_and(|at| frame.time.saturating_sub(at) <= RECENT);
+        let explained = is_face
+            && seen.moves.most <= BESIDE_FACE
+            && quarter >= ENOUGH
+            && !IdentityPart::ALL.iter().any(|(_, part)| others(*part));
+        let judged = Judged { certainty, agreement: seen, faces, explained };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
             self.density += (seen.density - self.density) / f64::from(self.dense_frames);
         }
         self.prove(&judged, frame.time);
         judged
+    }
+
+    /// Limit of the movement of the halves against each other, m, in a frame where it is `apart`.
+    fn apart_limit(&mut self, apart: f64, noise: f64, faces: bool) -> f64 {
+        if !self.has_face {
+            return (APART * noise).max(APART_LEAST);
+        }
+        if self.apart.len() < APART_FRAMES && apart.is_finite() && !faces {
+            let place = self.apart.partition_point(|before| *before < apart);
+            self.apart.insert(place, apart);
+        }
+        let usual = self.apart.get(self.apart.len() / 2).copied().unwrap_or(0.0);
+        (APART * noise).max(APART_TIMES * usual).clamp(APART_LEAST, APART_MOST)
     }
 
     /// Notes that the surface has been fitted to more frames. Its patches are others, so their density is measured
@@ -193,6 +235,7 @@ impl Identity {
         self.dense_frames = 0;
         self.pieces = Pieces::of(surface);
         self.has_face = surface.has_face();
+        self.apart.clear();
         if self.proof != Proof::Waiting {
             self.pieces.settle();
         }

@@ -26,10 +26,10 @@ const CHEEKS: [f64; 2] = [0.018, 0.030];
 const ASIDE: f64 = 0.008;
 const STANDS: f64 = 0.009;
 /// Places that are tried as the nose, and how far they are apart, m.
-const TRIED: usize = 4;
+const TRIED: usize = 10;
 const APART: f64 = 0.02;
 /// Sizes that are tried, of that of the table.
-const SIZES: [f64; 5] = [0.75, 0.85, 0.95, 1.05, 1.15];
+const SIZES: [f64; 6] = [0.75, 0.85, 0.95, 1.05, 1.15, 1.25];
 const ITERATIONS: usize = 8;
 /// A place of the table within this distance of the surface lies on it, m; least number and least part of them.
 const ON: f64 = 0.008;

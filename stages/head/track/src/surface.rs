@@ -302,6 +302,12 @@ impl Surface {
         Some(Partner { sightline, place: patch.place, patch: number, group, over })
     }
 
+    /// Distance of the farthest patch from the centre, m.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.patches.iter().map(|p| p.position.norm()).fold(0.0, f64::max)
+    }
+
     /// The patches, about the centre.
     #[must_use]
     pub fn patches(&self) -> &[Patch] {

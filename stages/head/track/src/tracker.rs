@@ -24,6 +24,8 @@ const WORSE_SCATTER: f64 = 1.3;
 const WORSE_OVERLAP: f64 = 0.04;
 /// Points by which two fits are compared.
 const JUDGED: usize = 2000;
+/// Points within this distance of where the surface is expected may be the head's, m.
+const EXPECTED: f64 = 0.01;
 
 /// How a head is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -247,22 +249,8 @@ impl HeadTracker {
             reference.lost = true;
             return Err(Loss::TooFewPoints { found: cloud.len(), needed: params.min_points });
         };
-        let fine = Effort {
-            points: params.points,
-            iterations: FINE_ITERATIONS,
-            step: FINE_STEP,
-            scale: 0.0,
-            robust: Robust::Tukey,
-        };
         let follow = |start: Isometry3<f64>, aligner: &mut Aligner| {
-            let surface = &reference.surface;
-            let rough = aligner.approach(surface, cloud, &start, &params.align, &ROUGH);
-            let effort = Effort { scale: rough.sd, ..NEARER };
-            let nearer = aligner.approach(surface, cloud, &rough.surface_from_cloud, &params.align, &effort);
-            let effort = Effort { scale: nearer.sd, ..fine };
-            let mut found = aligner.align(surface, cloud, &nearer.surface_from_cloud, &params.align, &effort);
-            found.iterations += rough.iterations + nearer.iterations;
-            found
+            settled(aligner, &reference.surface, cloud, &start, params)
         };
         let near = if reference.lost { None } else { reference.near(cloud, &centroid, time) };
         let tracked = near.map(|start| follow(start, aligner));
@@ -287,6 +275,40 @@ impl HeadTracker {
         Err(Loss::NoFit { alignment: Box::new(best), needed: params.min_overlap })
     }
 
+    /// Takes the points of a whole frame (m, seen from the origin) that lie where the surface is expected at `time`, ns.
+    pub fn expected(
+        &self,
+        frame: impl Iterator<Item = Vector3<f64>>,
+        time: u64,
+        points: &mut Vec<Vector3<f64>>,
+    ) {
+        points.clear();
+        let Some(reference) = &self.reference else { return };
+        let pose = reference.predicted(time).unwrap_or(reference.last.0);
+        let rotation = pose.rotation.to_rotation_matrix().into_inner();
+        let reach = reference.surface.reach() + EXPECTED;
+        let is_expected = |point: &Vector3<f64>| {
+            let at = rotation * point + pose.translation.vector;
+            at.norm_squared() < reach * reach
+                && reference
+                    .surface
+                    .partner(&at)
+                    .is_some_and(|p| p.over && p.sightline.distance.abs() < EXPECTED)
+        };
+        points.extend(frame.filter(is_expected));
+    }
+
+    /// The pose of such points. `None` where less than `least` of the reference lies under them: nothing is searched, and
+    /// where the head was last stays known.
+    pub fn follow(&mut self, points: &[Vector3<f64>], time: u64, least: f64) -> Option<TrackedPose> {
+        let Self { params, aligner, reference, .. } = self;
+        let reference = reference.as_mut()?;
+        let centroid = mean(points).filter(|_| points.len() >= params.min_points)?;
+        let start = reference.near(points, &centroid, time)?;
+        let alignment = settled(aligner, &reference.surface, points, &start, params);
+        (alignment.overlap >= least).then(|| reference.accept(alignment, time, PoseSource::Tracked))
+    }
+
     /// The motion since the capture by the dissertation's three points, in the camera's frame. `None` without a
     /// reference, or where the points are not found or determine no rotation.
     pub fn three_points(&self, cloud: &[Vector3<f64>]) -> Option<PairedPose> {
@@ -294,6 +316,30 @@ impl HeadTracker {
         let measured = same_three_points(cloud, &model.axes)?;
         pose_of_pairs(&measured.points, &model.points).ok()
     }
+}
+
+/// Where a cloud settles on a surface, from a start: roughly, nearer, and finely.
+fn settled(
+    aligner: &mut Aligner,
+    surface: &Surface,
+    cloud: &[Vector3<f64>],
+    start: &Isometry3<f64>,
+    params: &TrackParams,
+) -> Alignment {
+    let fine = Effort {
+        points: params.points,
+        iterations: FINE_ITERATIONS,
+        step: FINE_STEP,
+        scale: 0.0,
+        robust: Robust::Tukey,
+    };
+    let rough = aligner.approach(surface, cloud, start, &params.align, &ROUGH);
+    let effort = Effort { scale: rough.sd, ..NEARER };
+    let nearer = aligner.approach(surface, cloud, &rough.surface_from_cloud, &params.align, &effort);
+    let effort = Effort { scale: nearer.sd, ..fine };
+    let mut found = aligner.align(surface, cloud, &nearer.surface_from_cloud, &params.align, &effort);
+    found.iterations += rough.iterations + nearer.iterations;
+    found
 }
 
 impl Reference {

@@ -311,11 +311,12 @@ impl GateBeam {
             status,
             Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found | PoseStatus::FaceMoves)
         );
+        let is_face = matches!(status, Some(PoseStatus::FaceMoves | PoseStatus::FaceUnsure));
         let is_sure = report.confidence >= self.confidence;
         let is_doubted = status == Some(PoseStatus::Doubted) || (has_pose && !is_sure);
         bit(!has_pose, Reason::TRACKER)
             | bit(is_doubted, Reason::IDENTITY)
-            | bit(status == Some(PoseStatus::FaceMoves), Reason::FACE_MOVES)
+            | bit(is_face, Reason::FACE_MOVES)
             | bit(self.proof == Need::Required && report.proof != Proof::Proven as u32, Reason::UNPROVEN)
             | bit(report.confirmed != 1, Reason::UNCONFIRMED)
     }

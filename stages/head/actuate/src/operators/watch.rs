@@ -7,6 +7,7 @@ use stillpoint_samples::{
 };
 
 use crate::extrinsic::{Extrinsic, Need};
+use crate::face_watch::FaceWatch;
 use crate::machine::{Asked, Seen};
 use crate::message::VALVES;
 use crate::pose_watch::PoseWatch;
@@ -17,8 +18,6 @@ pub const REFERENCE: usize = 2;
 pub const MEASURED: usize = 7;
 pub const ACKNOWLEDGEMENT: usize = 8;
 pub const CONTACTS: usize = 9;
-/// While a face moves, the valves hold for at most so long, ns: then the head may have moved, and is followed.
-const FACE_HOLD: u64 = 5_000_000_000;
 /// The first of the inputs of people.
 pub const ARM: usize = 3;
 /// What each of them asks, and the verb that it must carry.
@@ -45,8 +44,7 @@ pub struct Watch {
     captured: Option<(u32, u32)>,
     /// Whether a person has confirmed it.
     is_confirmed: bool,
-    /// Since when the tracker says that the face moves, ns.
-    face: Option<u64>,
+    face: FaceWatch,
 }
 
 impl Watch {
@@ -69,7 +67,7 @@ impl Watch {
             command: None,
             captured: None,
             is_confirmed: false,
-            face: None,
+            face: FaceWatch::new(stale),
         }
     }
 
@@ -89,8 +87,8 @@ impl Watch {
             && let Some(report) = sample.first()
         {
             self.is_confirmed = report.confirmed == 1;
-            let is_face = report.status == PoseStatus::FaceMoves as u32;
-            self.face = is_face.then(|| self.face.unwrap_or(activation.time));
+            let is_fresh = self.pose.age(activation.time).is_some_and(|age| age <= self.stale);
+            self.face.see(PoseStatus::from_number(report.status), is_fresh, activation.time);
             self.captured = (report.reference != 0).then_some((report.reference, sample.header.incarnation));
         }
     }
@@ -117,8 +115,11 @@ impl Watch {
         let faults = bit(self.pose.is_broken(), Reason::POSE_NOT_FINITE)
             | bit(duties.is_some_and(bad), Reason::COMMAND_NOT_FINITE)
             | bit(duties.is_some_and(misfit), Reason::COMMAND_SHAPE);
-        let missing = bit(self.pose.track().is_none(), Reason::NO_POSE)
-            | bit(pose_age.is_some_and(|age| age > self.stale), Reason::POSE_STALE)
+        let unseen = bit(self.pose.track().is_none(), Reason::NO_POSE)
+            | bit(pose_age.is_some_and(|age| age > self.stale), Reason::POSE_STALE);
+        // A face that moves hides where the skull is: the valves hold, and the pose is not missed.
+        let is_hidden = unseen != 0 && self.face.excuses(now);
+        let missing = bit(!is_hidden, unseen)
             | bit(command_age.is_none(), Reason::NO_COMMAND)
             | bit(command_age.is_some_and(|age| age > self.watchdog), Reason::COMMAND_STALE);
         let needed = self.reference == Need::Required;
@@ -131,7 +132,7 @@ impl Watch {
             missing,
             unready,
             is_idle: duties.is_some_and(|d| d.idle != 0),
-            is_face: self.face.is_some_and(|since| now.saturating_sub(since) < FACE_HOLD),
+            is_face: is_hidden || self.face.moves(now),
             reference: self.captured.filter(|_| needed),
         }
     }

@@ -28,6 +28,8 @@ pub enum Fault {
     Vague,
     /// The target moves, or there is a new reference.
     Moves,
+    /// The face moves, and its skull has no pose.
+    Face,
 }
 
 /// When what goes wrong.
@@ -197,6 +199,7 @@ script!(Head, "test.head", "report", PoseReport, FrameRule::Key, |fault, _, _| {
         Fault::Off => PoseStatus::Lost,
         Fault::Vague => PoseStatus::NoFace,
         Fault::NotFinite => PoseStatus::TooFewPoints,
+        Fault::Face => PoseStatus::FaceUnsure,
         _ => PoseStatus::Tracked,
     };
     let reference = match fault {

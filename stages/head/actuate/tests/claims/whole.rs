@@ -275,6 +275,30 @@ fn the_first_frame_without_a_pose_ends_the_lease_while_the_filter_still_predicts
 }
 
 #[test]
+fn a_face_that_hides_the_pose_for_three_seconds_ends_the_beam_holds_the_valves_and_vents_nothing() {
+    let face = "fault: face, from: 1490 ms, to: 4490 ms";
+    let run = run(&Said { head: face, filter: &face.replace("face,", "nothing,"), ..Said::default() }, 6_000);
+    let (gates, states) = (gate(&run), actuation(&run));
+    assert_eq!(first(&gates, 1_480, |g| g.beam == 0), Some(1_500));
+    assert_eq!(first(&gates, 1_510, |g| g.beam == 1), Some(4_700), "one frame with a pose, and the dwell");
+    let held: Vec<_> = states.iter().filter(|(ms, _)| (1_500..4_500).contains(ms)).collect();
+    assert!(
+        held.iter().all(|(_, s)| s.state().word() == "holding" && s.reasons == ActuationReason::FACE_MOVES)
+    );
+    let (_, last) = states.last().unwrap();
+    assert_eq!((last.state().word(), last.faults), ("armed", 0));
+    assert!(states.iter().all(|(_, s)| s.state().word() != "venting"));
+}
+
+#[test]
+fn a_face_that_hides_the_pose_for_longer_than_five_seconds_vents() {
+    let face = "fault: face, from: 1490 ms";
+    let run = run(&Said { head: face, filter: &face.replace("face,", "nothing,"), ..Said::default() }, 8_000);
+    let vents = first(&actuation(&run), 1_490, |s| s.state().word() == "venting");
+    assert_eq!(vents, Some(6_500));
+}
+
+#[test]
 fn the_beam_needs_a_plan_that_holds_in_the_requested_set_up_where_a_plan_is_connected() {
     let (without, with) = (
         "report: head.report }\n    params: { key: rig.key, dwell",

@@ -17,7 +17,7 @@ use super::fault::{Fault, FaultText};
 use super::params::BladderParams;
 use super::rigs;
 use super::simulation::{Mobility, Rig};
-use crate::camera_view::{COUCH, CameraView, exact_pose, refusal};
+use crate::camera_view::{COUCH, CameraView, Living, exact_pose, refusal};
 use crate::setting;
 
 const DUTIES: usize = 0;
@@ -140,10 +140,19 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
     fn new(params: BladderParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let every = setup.every.unwrap_or(0);
         let rig = rigs::simulated(&RIGS[RIG], params.setup(every)?).map_err(refusal)?;
+        let rest = setting::Setting::from(params.setting).rest(params.head_scale);
+        let living =
+            Living { neck: params.neck, expressions: params.expressions.as_deref().unwrap_or(&[]), rest };
         Ok(Self {
             rig,
-            camera_view: CameraView::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
-            rest: setting::Setting::from(params.setting).rest(params.head_scale),
+            camera_view: CameraView::new(
+                &params.camera.image(),
+                params.setting,
+                params.head_scale,
+                &living,
+                setup,
+            )?,
+            rest,
             ticks_per_image: params.camera.every / every.max(1),
             lost: params.camera.lost,
             next_image: 0,
@@ -180,7 +189,7 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         let image = activation.tick.saturating_sub(first_tick) / self.ticks_per_image;
         if image >= self.next_image {
             self.next_image = image + 1;
-            self.look(&couch_from_head, activation, outputs)?;
+            self.look(&couch_from_head, now, activation, outputs)?;
         }
         outputs.lap(CAMERA_LAP);
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
@@ -231,6 +240,7 @@ impl<const RIG: usize> BladderRig<RIG> {
     fn look(
         &mut self,
         couch_from_head: &Isometry3<f64>,
+        now: u64,
         activation: &Activation<'_>,
         outputs: &mut Outputs<'_>,
     ) -> Result<(), StepError> {
@@ -243,7 +253,7 @@ impl<const RIG: usize> BladderRig<RIG> {
             return self.camera_view.send_blind(outputs, DEPTH);
         }
         self.camera_view.freeze(faults & Fault::FrozenCamera.bit() != 0);
-        self.camera_view.send(couch_from_head, activation, outputs, DEPTH)
+        self.camera_view.send(couch_from_head, now as f64 * 1e-9, activation, outputs, DEPTH)
     }
 }
 

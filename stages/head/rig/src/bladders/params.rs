@@ -8,7 +8,7 @@ use super::hardware::Imperfections;
 use super::rigs;
 use super::safety;
 use super::simulation::{Push, Surroundings};
-use crate::camera_view::{ImageParams, Noise, Setting, refusal};
+use crate::camera_view::{ExpressionParams, ImageParams, Neck, Noise, Setting, refusal};
 use crate::involuntary::{Habit, Involuntary};
 
 /// What the person does without wanting to.
@@ -145,6 +145,11 @@ pub struct BladderParams {
     /// Size of the head in the image; 1 is an adult's head.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
+    /// The neck. `skin` bends between the head and a torso whose chest breathes.
+    #[param(default = "rigid")]
+    pub neck: Neck,
+    /// Expressions of the face and their times.
+    pub expressions: Option<Vec<ExpressionParams>>,
     /// The camera.
     pub camera: RigCameraParams,
     /// Time for which duties are valid.

@@ -17,6 +17,11 @@ const FIRST: u32 = 4;
 /// A cell has moved by this, m, or by this part of the noise of a point.
 const MOVED: f64 = 0.6e-3;
 const NOISE: f64 = 1.0;
+/// The same in multiples of its scatter from frame to frame, and at most, m: neighbouring points of a camera err alike.
+const SCATTERS: f64 = 4.0;
+const MOVED_MOST: f64 = 1.5e-3;
+/// Frames in which the scatter is measured.
+const SCATTER_FRAMES: u32 = 15;
 /// Part of the seen points of the movable face that must have moved.
 const PART: f64 = 0.12;
 /// What stays for so long is at rest, ns.
@@ -33,6 +38,35 @@ struct Cell {
     /// Where it stays, m, and since when, ns.
     stays: f64,
     since: u64,
+    scatter: Scatter,
+}
+
+/// Scatter of a place from frame to frame, by second differences, to which a steady movement adds nothing.
+#[derive(Debug, Clone, Copy, Default)]
+struct Scatter {
+    last: [f64; 2],
+    frames: u32,
+    squares: f64,
+}
+
+impl Scatter {
+    fn add(&mut self, now: f64) {
+        let [before, last] = self.last;
+        if self.frames >= SCATTER_FRAMES {
+            return;
+        }
+        if self.frames >= 2 {
+            let second = now - 2.0 * last + before;
+            self.squares += second * second / 6.0;
+        }
+        self.frames += 1;
+        self.last = [last, now];
+    }
+
+    /// Its standard deviation, m; 0 before three frames.
+    fn sd(&self) -> f64 {
+        if self.frames < 3 { 0.0 } else { (self.squares / f64::from(self.frames - 2)).sqrt() }
+    }
 }
 
 /// The movable part of a surface, in all frames so far.
@@ -65,7 +99,7 @@ impl Mimic {
     /// Ends a frame of points with this noise, m, acquired at `time`, ns. Says whether the face has moved.
     pub fn end(&mut self, noise: f64, time: u64) -> bool {
         let (mut all, mut moved) = (0.0, 0.0);
-        let limit = MOVED.max(NOISE * noise);
+        let least = MOVED.max(NOISE * noise);
         for cell in &mut self.cells {
             let (points, distances) = (cell.points, cell.distances);
             (cell.points, cell.distances) = (0.0, 0.0);
@@ -73,6 +107,10 @@ impl Mimic {
                 continue;
             }
             let now = distances / points;
+            let limit = least.max(SCATTERS * cell.scatter.sd()).min(MOVED_MOST.max(least));
+            if (now - cell.start).abs() <= limit || cell.frames < FIRST {
+                cell.scatter.add(now);
+            }
             if cell.frames < FIRST {
                 cell.frames += 1;
                 cell.start += (now - cell.start) / f64::from(cell.frames);

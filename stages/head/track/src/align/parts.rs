@@ -54,6 +54,8 @@ pub struct Agreement {
     /// Root mean square, along the normals, of how far two halves of the surface would move against each other to fit
     /// best, m: the greater of two cuts. NaN where a half is not seen.
     pub apart: f64,
+    /// The same of the cuts of which both halves are seen; NaN where there is none.
+    pub apart_seen: f64,
     /// Least part of a quarter's points that lie on the surface.
     pub least_overlap: f64,
     /// Size of the cloud over that of the surface; NaN where the surface does not tell.
@@ -158,6 +160,8 @@ pub fn agreement(
     // Bit 0 of a quarter's number says on which side of the first axis it is, bit 1 of the second.
     let (first, second) = (cut([0, 2], [1, 3]), cut([0, 1], [2, 3]));
     let apart = if first.is_nan() || second.is_nan() { f64::NAN } else { first.max(second) };
+    // The greater of two numbers is a number if one of them is.
+    let apart_seen = first.max(second);
     let parts = quarters.iter().filter(|q| q.used >= POINTS_LEAST);
     let close = quarters.iter().map(|q| f64::from(q.close)).sum::<f64>();
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
@@ -171,7 +175,14 @@ pub fn agreement(
     });
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
-    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moves }
+    Agreement {
+        apart,
+        apart_seen,
+        least_overlap,
+        scale: scale(&information, &right, own, &shared, pull),
+        density,
+        moves,
+    }
 }
 
 /// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2:

@@ -150,9 +150,10 @@ struct Piece {
 }
 
 impl Piece {
-    /// Adds a frame in which the piece lies off by so much, m; a `face` that moves is not where it starts. Returns its movement in this frame and the mean one, m.
-    /// `None` in the first frames.
-    fn add(&mut self, off: &Vector3<f64>, face: bool) -> Option<[Vector3<f64>; 2]> {
+    /// Adds a frame in which the piece lies off by so much, m; a `face` that moves is not where it starts, and a piece of
+    /// a face that moves with it, or that `is_raised` alone, has no part in the mean: what lasts is judged at rest. Returns
+    /// its movement in this frame and the mean one, m. `None` in the first frames.
+    fn add(&mut self, off: &Vector3<f64>, face: bool, is_raised: bool) -> Option<[Vector3<f64>; 2]> {
         if face && self.frames < FIRST {
             return None;
         }
@@ -162,7 +163,9 @@ impl Piece {
             self.now = self.start;
             return None;
         }
-        self.now += NEW * (off - self.now);
+        if !(self.is_face && (face || is_raised)) {
+            self.now += NEW * (off - self.now);
+        }
         Some([off - self.start, self.now - self.start])
     }
 }
@@ -327,17 +330,19 @@ impl Pieces {
             if !face {
                 piece.jitter.add(&off, &along, points);
             }
-            let Some(movements) = piece.add(&off, face) else { continue };
             // Three unknowns are fitted to the points of the piece.
             let feigned = noise * (3.0 / points).sqrt();
-            for (kind, (movement, [times, scatters, least, greatest])) in
-                movements.iter().zip([ONCE, LASTING]).enumerate()
-            {
+            let (has_face, jitter) = (*has_face, piece.jitter.sd());
+            let part = |movement: &Vector3<f64>, [times, scatters, least, greatest]: [f64; 4]| {
                 let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
-                let scatter = if *has_face { scatters * piece.jitter.sd() } else { 0.0 };
-                let greatest = if *has_face { greatest } else { f64::INFINITY };
-                let limit = (times * feigned).max(scatter).max(least).min(greatest);
-                let part = size / limit;
+                let scatter = if has_face { scatters * jitter } else { 0.0 };
+                let greatest = if has_face { greatest } else { f64::INFINITY };
+                size / (times * feigned).max(scatter).max(least).min(greatest)
+            };
+            let is_raised = piece.is_face && part(&(off - piece.start), ONCE) > 1.0;
+            let Some(movements) = piece.add(&off, face, is_raised) else { continue };
+            for (kind, (movement, limits)) in movements.iter().zip([ONCE, LASTING]).enumerate() {
+                let part = part(movement, limits);
                 if piece.is_face {
                     skin = skin.max(part);
                 } else {

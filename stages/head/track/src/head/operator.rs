@@ -27,10 +27,17 @@ const FACE: usize = 0;
 const COMMAND: usize = 1;
 const REJECTION: usize = 2;
 const CONFIRM: usize = 3;
+const FRAME: usize = 4;
 const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
 const REPORT: usize = 3;
+/// A head that is not cut out is followed where it is expected, for at most so long after it was cut out, ns.
+const FOLLOWED: u64 = 10_000_000_000;
+/// Part of the overlap that a pose needs otherwise, where an arm may hide the rest: the beam is off.
+const FOLLOWED_OVERLAP: f64 = 0.7;
+/// Less of the reference under the points, over the least that a pose needs, and the head was hardly cut out.
+const HARDLY: f64 = 0.1;
 
 /// Sends the pose of each face against the reference, and a report on each.
 ///
@@ -70,8 +77,21 @@ pub struct TrackHead {
     /// The finite points of the frame, and of the one before.
     cloud: Vec<Vector3<f64>>,
     before: Vec<Vector3<f64>>,
+    /// The points of a whole frame that lie where the head is expected.
+    near: Vec<Vector3<f64>>,
+    /// When the head was last cut out and had a pose, ns.
+    cut_out: Option<u64>,
     /// What was found in the frame before, against the reference that there is.
     found: Option<Found>,
+}
+
+/// How points came to be the head's.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cut {
+    /// They were cut out of the frame.
+    Out,
+    /// They lie where the head was expected.
+    Expected,
 }
 
 /// What was found in a frame.
@@ -82,8 +102,10 @@ struct Found {
     report: PoseReportElement,
     /// The frame fits the reference, and the checks of its identity fail.
     doubted: bool,
-    /// The face moves: its skull has the pose.
+    /// The face moves: its skull has the pose, or the face is why it has none.
     is_face: bool,
+    /// The pose is that of the points where the head was expected.
+    is_followed: bool,
 }
 
 impl Operator for TrackHead {
@@ -120,6 +142,13 @@ impl Operator for TrackHead {
                 policy: Policy::Queue(8),
                 required: false,
                 about: "`confirm` says that the present reference shows the head: a person has looked. Another reference needs another.",
+            },
+            Input {
+                name: "cloud",
+                sample: PointCloud::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "The points of the whole frame, in the frame of `face`. If it is connected, a head that is not cut out, behind an arm for example, is followed where it is expected.",
             },
         ],
         outputs: &[
@@ -174,7 +203,15 @@ impl Operator for TrackHead {
             None => None,
         };
         let mut tracker = HeadTracker::new(params.tracking());
-        let face_frame = setup.input_frames.get(FACE).and_then(Option::as_deref);
+        let frame_of = |port: usize| setup.input_frames.get(port).and_then(Option::as_deref);
+        let face_frame = frame_of(FACE);
+        if setup.is_connected(FRAME) && frame_of(FRAME) != face_frame {
+            return Err(SetupError(format!(
+                "`cloud` is in the frame {}, `face` in {}: connect the cloud of which the face is a part",
+                frame_of(FRAME).unwrap_or("(none)"),
+                face_frame.unwrap_or("(none)")
+            )));
+        }
         if params.soft_tissue == SoftTissue::Weighted
             && let Some(couch_from_face) = face_frame.and_then(|frame| setup.transform(COUCH, frame))
         {
@@ -212,6 +249,8 @@ impl Operator for TrackHead {
             output_from_face,
             cloud: Vec::new(),
             before: Vec::new(),
+            near: Vec::new(),
+            cut_out: None,
             found: None,
         })
     }
@@ -241,6 +280,11 @@ impl Operator for TrackHead {
             }
             self.capture.note(None);
             let standing = self.capture.pass(rejection.header.origin);
+            if standing.is_ok()
+                && let Some(found) = self.followed(activation, rejection.header.origin)
+            {
+                return self.send_followed(found, outputs);
+            }
             // Where the head was last stays the best guess of where it is.
             let report = self.without_a_face();
             let report = if standing.is_err() { report::of_lapsed(report) } else { report };
@@ -261,7 +305,7 @@ impl Operator for TrackHead {
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
         // each time, and nobody would notice that the camera is frozen.
         let repeated = self.found.take().filter(|_| is_repeated);
-        let found = repeated.unwrap_or_else(|| self.find(time));
+        let found = repeated.unwrap_or_else(|| self.find(activation, time));
         if let Some((_, identity)) = &mut self.identity {
             identity.pass(time);
         }
@@ -288,7 +332,11 @@ impl Operator for TrackHead {
         };
         let report = match found.doubted {
             true if report.status != PoseStatus::CaptureRefused as u32 => {
-                PoseReportElement { status: PoseStatus::Doubted as u32, ..report }
+                let status = if found.is_face { PoseStatus::FaceUnsure } else { PoseStatus::Doubted };
+                PoseReportElement { status: status as u32, ..report }
+            }
+            false if found.is_followed && report::has_moved_pose(report.status) => {
+                PoseReportElement { status: PoseStatus::Followed as u32, ..report }
             }
             false if found.is_face && report::has_moved_pose(report.status) => {
                 PoseReportElement { status: PoseStatus::FaceMoves as u32, ..report }
@@ -362,10 +410,74 @@ impl TrackHead {
     }
 
     /// Looks for the head in the frame, which was acquired at `time`, ns.
-    fn find(&mut self, time: u64) -> Found {
+    fn find(&mut self, activation: &Activation<'_>, time: u64) -> Found {
+        let tracked = self.tracker.track(&self.cloud, time);
+        let least = self.min_overlap + HARDLY;
+        let is_cut_out = tracked.as_ref().is_ok_and(|tracked| tracked.alignment.overlap >= least);
+        if !is_cut_out && let Some(followed) = self.expected(activation, time) {
+            let overlap = tracked.as_ref().map_or(0.0, |tracked| tracked.alignment.overlap);
+            let is_better = followed.alignment.overlap > overlap;
+            let found = is_better.then(|| self.found(Ok(followed), time, Cut::Expected));
+            // The face is compared with that of the next frame.
+            std::mem::swap(&mut self.cloud, &mut self.near);
+            if let Some(found) = found {
+                return found;
+            }
+        }
+        let found = self.found(tracked, time, Cut::Out);
+        if is_cut_out && !found.doubted {
+            self.cut_out = Some(time);
+        }
+        found
+    }
+
+    /// The pose of the points of the whole frame that lie where the head is expected, and these points in `cloud`. `None`
+    /// where the cloud is not connected, of another frame, or too little of the head is seen; then `cloud` stays.
+    fn expected(&mut self, activation: &Activation<'_>, time: u64) -> Option<TrackedPose> {
+        let since = self.cut_out?;
+        let whole = activation.input::<PointCloud>(FRAME).filter(|whole| whole.header.origin == time)?;
+        if time.saturating_sub(since) > FOLLOWED {
+            return None;
+        }
+        let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
+        let points = whole.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from)));
+        self.tracker.expected(points, time, &mut self.near);
+        let followed = self.tracker.follow(&self.near, time, FOLLOWED_OVERLAP * self.min_overlap)?;
+        std::mem::swap(&mut self.cloud, &mut self.near);
+        Some(followed)
+    }
+
+    /// What a frame without a face shows where the head is expected; `None` where that is not the head.
+    fn followed(&mut self, activation: &Activation<'_>, time: u64) -> Option<Found> {
+        self.found = None;
+        let followed = self.expected(activation, time)?;
+        // A camera that is frozen gives the same points again: they have no pose, as no face is in them.
+        let is_same = self.cloud == self.before;
+        self.before.clone_from(&self.cloud);
+        if is_same {
+            return None;
+        }
+        let found = self.found(Ok(followed), time, Cut::Expected);
+        (!found.doubted).then_some(found)
+    }
+
+    fn send_followed(&self, found: Found, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let pose = match self.method {
+            Method::Dense => &found.dense,
+            Method::ThreePoints => &found.three_points,
+        };
+        if let Some(pose) = pose {
+            outputs.send::<Pose>(POSE, pose)?;
+        }
+        let (status, reference) = (PoseStatus::Followed as u32, self.capture.number());
+        let report = PoseReportElement { status, reference, ..self.standing(found.report) };
+        outputs.send::<PoseReport>(REPORT, &report)
+    }
+
+    /// What the points in `cloud` tell of the head that was tracked in them.
+    fn found(&mut self, tracked: Result<TrackedPose, Loss>, time: u64, cut: Cut) -> Found {
         let mut report = report::empty();
         let three_points = self.three_points(&mut report);
-        let tracked = self.tracker.track(&self.cloud, time);
         let dense = match &tracked {
             Ok(tracked) => Some(self.dense(tracked, &mut report)),
             Err(loss) => {
@@ -374,7 +486,7 @@ impl TrackHead {
             }
         };
         let (doubted, is_face) = match &tracked {
-            Ok(tracked) => self.is_doubted(tracked, time, &mut report),
+            Ok(tracked) => self.is_doubted(tracked, time, cut, &mut report),
             Err(_) => (false, false),
         };
         let trusted = |pose: Option<PoseElement>| pose.filter(|_| !doubted);
@@ -385,14 +497,17 @@ impl TrackHead {
             report,
             doubted,
             is_face,
+            is_followed: cut == Cut::Expected,
         }
     }
 
-    /// Judges whether a frame with a pose does not show what was captured, and whether its face moves.
+    /// Judges whether a frame with a pose does not show what was captured, and whether its face moves: where it is doubted,
+    /// whether that is why.
     fn is_doubted(
         &mut self,
         tracked: &TrackedPose,
         time: u64,
+        cut: Cut,
         report: &mut PoseReportElement,
     ) -> (bool, bool) {
         let Some(surface) = self.tracker.surface() else { return (false, false) };
@@ -407,10 +522,13 @@ impl TrackHead {
             motion: &tracked.current_from_reference,
             time,
         };
-        let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
+        let may_hide = cut == Cut::Expected;
+        let part = if may_hide { FOLLOWED_OVERLAP } else { 1.0 };
+        let needed = Needed { overlap: part * self.min_overlap, tolerance: self.tolerance, may_hide };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
-        (judged.confidence() < ENOUGH, judged.faces)
+        let is_doubted = judged.confidence() < ENOUGH;
+        (is_doubted, if is_doubted { judged.explained } else { judged.faces })
     }
 
     fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {

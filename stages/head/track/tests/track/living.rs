@@ -74,7 +74,7 @@ operators:
   face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }} }}
   head:
     use: track.head
-    inputs: {{ face: face.face, rejection: face.rejection, command: console.capture, confirm: console.confirm }}
+    inputs: {{ face: face.face, rejection: face.rejection, command: console.capture, confirm: console.confirm, cloud: cloud.cloud }}
     frame: couch
     params: {{ capture: command, soft_tissue: weighted }}
 ",

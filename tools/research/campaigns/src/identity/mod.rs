@@ -52,12 +52,32 @@ pub struct IdentityCampaign {
     /// Frames per second of the camera.
     #[arg(long, value_enum, default_value = "10")]
     rate: Rate,
+    /// Treatment of skin that moves by itself, as of `track.head`.
+    #[arg(long, value_enum, default_value = "weighted")]
+    soft_tissue: Soft,
     /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print every scene as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// Treatment of skin that moves by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Soft {
+    Ignored,
+    Weighted,
+}
+
+impl Soft {
+    /// The value of the parameter `soft_tissue`.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Ignored => "ignored",
+            Self::Weighted => "weighted",
+        }
+    }
 }
 
 /// Frame rate of the camera.
@@ -109,7 +129,9 @@ impl IdentityCampaign {
     /// bound, or if too few of the due captures were made.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let numbers: Vec<u64> = (self.first..self.first.saturating_add(self.scenes)).collect();
-        let rows = jobs::each(&numbers, jobs::threads(self.threads), |n| run(*n, self.rate, registry))?;
+        let rows = jobs::each(&numbers, jobs::threads(self.threads), |n| {
+            run(*n, self.rate, self.soft_tissue, registry)
+        })?;
         if self.json {
             print_json(&rows)?
         } else {
@@ -125,7 +147,7 @@ fn is_good(rows: &[Row]) -> bool {
     rows.iter().all(|r| !r.wrong && !r.astray) && taken as f64 >= DUE * due as f64
 }
 
-fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
+fn run(number: u64, rate: Rate, soft: Soft, registry: &Registry) -> Result<Row, Failure> {
     let case = Case::of(number).map_err(Failure::failed)?;
     let [period, tick] = rate.periods();
     let camera = &case.patient.couch_from_camera;
@@ -138,6 +160,7 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
         .replace("SEED", &(1 + number).to_string())
         .replace("NUMBER", &number.to_string())
         .replace("MOTION", motion)
+        .replace("SOFT", soft.word())
         .replace("PERIOD", &format!("{period} ms"))
         .replace("TICK", &format!("{tick} ms"));
     let mut files = MemoryFiles::default();
@@ -294,7 +317,7 @@ mod tests {
     fn nothing_but_the_head_is_captured_and_the_beam_is_off_in_time_when_it_goes() {
         let registry = crate::registry();
         let numbers: Vec<u64> = (0..10).collect();
-        let rows = jobs::each(&numbers, 2, |n| run(*n, Rate::Ten, &registry)).unwrap();
+        let rows = jobs::each(&numbers, 2, |n| run(*n, Rate::Ten, Soft::Weighted, &registry)).unwrap();
         for row in &rows {
             assert!(!row.wrong && !row.astray, "{row:?}");
         }
