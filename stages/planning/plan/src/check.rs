@@ -2,13 +2,14 @@
 //!
 //! An objective can be low on a plan that no one should deliver: with fluence that passes beside the patient, with single
 //! bixels that carry a beam, or with a dose that stands only as long as the patient lies to the millimetre. [`check`] is a
-//! pure function of what is known of a plan; [`Check::of`] computes what it needs. Bounds are in [`Bounds`]. They are not
-//! calibrated on plans that were delivered, so what is beyond one is a warning, and refuses no plan.
+//! pure function of what is known of a plan; [`Check::of`] computes what it needs, and [`crate::recipe::PlanSetup::check`] is
+//! both for every program that plans. A plan with a [`Fault`] is refused. The [`Bounds`] are choices of this project; the
+//! page of results on beams says what plans of drawn and real patients give.
 
 use std::fmt::{Display, Formatter};
 use std::num::NonZeroUsize;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::dose::{DoseError, DoseParams, Machine};
 use crate::evaluation::{OnGrid, StructureDose};
@@ -16,7 +17,7 @@ use crate::recompute::{BeamFluence, Recompute};
 use stillpoint_patient::case::{Case, Role};
 
 /// What a plan may be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
     /// Part of the fluence whose rays do not cross the patient.
     pub outside: f64,
@@ -36,6 +37,32 @@ impl Default for Bounds {
     fn default() -> Self {
         Self { outside: 0.05, medians: 10.0, mu_per_cgy: 10.0, shift_mm: 5.0, hottest: 1.1, uncovered: 0.25 }
     }
+}
+
+/// What a plan gives of each quantity that has a bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CheckValues {
+    /// Part of the fluence whose rays do not cross the patient.
+    pub outside: f64,
+    /// The heaviest bixel, in medians of the weights above zero of its beam.
+    pub medians: f64,
+    /// Monitor units of a fraction for each centigray of its highest prescription; nothing without segments.
+    pub mu_per_cgy: Option<f64>,
+    /// D0.03cc of the patient in the worst shift, as a part of that as planned.
+    pub hottest: f64,
+    /// Part of a target that loses 95 % of its prescription in its worst shift, at most over the targets.
+    pub uncovered: f64,
+}
+
+/// What the check of a plan found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checked {
+    /// What a plan may be.
+    pub bounds: Bounds,
+    /// What this one is.
+    pub values: CheckValues,
+    /// What is beyond a bound; nothing where the plan passes.
+    pub faults: Vec<Fault>,
 }
 
 /// A beam of a plan that is checked.
@@ -80,8 +107,7 @@ pub struct Check {
 }
 
 /// What is beyond a bound.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(tag = "fault", rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// Fluence passes beside the patient.
     Outside {
@@ -182,23 +208,34 @@ impl Display for Fault {
     }
 }
 
-/// What of this plan is beyond a bound; nothing where nothing is.
-pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
+/// What of this plan is beyond a bound; no fault where nothing is.
+pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
     let mut faults = Vec::new();
+    let mut values = CheckValues::default();
     let delivered: f64 = plan.beams.iter().map(|beam| beam.delivered).sum();
     let part = plan.beams.iter().map(|beam| beam.outside).sum::<f64>() / delivered.max(f64::MIN_POSITIVE);
+    values.outside = part;
     if part > bounds.outside {
         faults.push(Fault::Outside { part, most: bounds.outside });
     }
-    faults.extend(plan.beams.iter().filter_map(|beam| peak(beam, bounds.medians)));
-    if let Some(monitor_units) = plan.monitor_units
-        && monitor_units > bounds.mu_per_cgy * 100.0 * plan.fraction_gy
-    {
-        let most = bounds.mu_per_cgy;
-        faults.push(Fault::Units { monitor_units, fraction_gy: plan.fraction_gy, most });
+    for beam in &plan.beams {
+        let Some(median) = median(&beam.weights) else { continue };
+        values.medians = beam.weights.iter().fold(values.medians, |most, weight| most.max(weight / median));
+        faults.extend(peak(beam, median, bounds.medians));
+    }
+    if let Some(monitor_units) = plan.monitor_units {
+        let (fraction_gy, most) = (plan.fraction_gy, bounds.mu_per_cgy);
+        values.mu_per_cgy = (fraction_gy > 0.0).then(|| monitor_units / (100.0 * fraction_gy));
+        if monitor_units > most * 100.0 * fraction_gy {
+            faults.push(Fault::Units { monitor_units, fraction_gy, most });
+        }
     }
     let planned = &plan.planned;
     let hottest = plan.shifted.iter().max_by(|a, b| a.hottest_gy.total_cmp(&b.hottest_gy));
+    values.hottest = match hottest {
+        Some(moved) if planned.hottest_gy > 0.0 => moved.hottest_gy / planned.hottest_gy,
+        _ => 0.0,
+    };
     faults.extend(hottest.filter(|moved| moved.hottest_gy > bounds.hottest * planned.hottest_gy).map(
         |moved| Fault::Hotter {
             shift_mm: moved.shift_mm,
@@ -210,6 +247,8 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
     for (at, (target, covered)) in planned.covered.iter().enumerate() {
         let of = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
         let worst = plan.shifted.iter().min_by(|a, b| of(a).total_cmp(&of(b)));
+        let lost = worst.map_or(0.0, |moved| covered - of(moved));
+        values.uncovered = values.uncovered.max(lost);
         faults.extend(worst.filter(|moved| covered - of(moved) > bounds.uncovered).map(|moved| {
             Fault::Uncovered {
                 target: target.clone(),
@@ -220,15 +259,19 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
             }
         }));
     }
-    faults
+    Checked { bounds: *bounds, values, faults }
+}
+
+/// The median of the weights above zero.
+fn median(weights: &[f64]) -> Option<f64> {
+    let mut lit: Vec<f64> = weights.iter().copied().filter(|weight| *weight > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    lit.get(lit.len() / 2).copied()
 }
 
 /// The heaviest bixel of a beam above so many medians.
-fn peak(beam: &CheckedBeam, most: f64) -> Option<Fault> {
-    let mut lit: Vec<f64> = beam.weights.iter().copied().filter(|weight| *weight > 0.0).collect();
-    lit.sort_by(f64::total_cmp);
-    let median = *lit.get(lit.len() / 2)?;
-    let count = lit.iter().filter(|weight| **weight > most * median).count();
+fn peak(beam: &CheckedBeam, median: f64, most: f64) -> Option<Fault> {
+    let count = beam.weights.iter().filter(|weight| **weight > most * median).count();
     let (bixel_mm, weight) =
         beam.bixels_mm.iter().zip(&beam.weights).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     (count > 0).then_some(Fault::Peak {
@@ -244,9 +287,9 @@ fn peak(beam: &CheckedBeam, most: f64) -> Option<Fault> {
 /// Spacing of the grid on which doses of shifts are compared, mm.
 const SPACING_MM: f64 = 4.0;
 
-/// What a check computes of a plan.
+/// A plan of which a check computes what it needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Checked<'a> {
+pub struct CheckedPlan<'a> {
     /// The patient.
     pub case: &'a Case,
     /// The machine.
@@ -259,6 +302,8 @@ pub struct Checked<'a> {
     pub delivered: &'a [BeamFluence],
     /// Monitor units of a fraction, where the fluence is sequenced.
     pub monitor_units: Option<f64>,
+    /// Where the patient lies for whom it was planned beside the planned set-up of the case, mm.
+    pub moved_mm: [f64; 3],
 }
 
 impl Check {
@@ -266,13 +311,14 @@ impl Check {
     ///
     /// # Errors
     /// Doses cannot be computed.
-    pub fn of(plan: &Checked<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
-        let Checked { case, machine, params, .. } = *plan;
+    pub fn of(plan: &CheckedPlan<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
+        let CheckedPlan { case, machine, params, moved_mm, .. } = *plan;
         let recompute = Recompute::with_spacing(case, machine.clone(), params, SPACING_MM)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         let beams = BeamFluence::weighted(plan.delivered);
         let dose = |shift_mm: [f64; 3]| -> Result<CheckedDose, DoseError> {
-            let gray = recompute.dose(&beams, shift_mm, threads)?;
+            let place_mm = std::array::from_fn(|axis| moved_mm[axis] + shift_mm[axis]);
+            let gray = recompute.dose(&beams, place_mm, threads)?;
             Ok(CheckedDose::of(shift_mm, &on_grid.evaluate(&gray).figures(&[])))
         };
         let mut shifted = Vec::new();
@@ -287,7 +333,7 @@ impl Check {
             // Beams without segments are not delivered.
             let (mut delivered, mut outside) = (0.0, 0.0);
             for given in plan.delivered.iter().filter(|given| given.gantry_deg == beam.gantry_deg) {
-                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm)?;
+                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm, moved_mm)?;
                 delivered += given.weights.iter().sum::<f64>();
                 outside += given.weights.iter().zip(parts).map(|(weight, part)| weight * part).sum::<f64>();
             }
@@ -340,11 +386,15 @@ mod tests {
 
     #[test]
     fn a_good_plan_passes_and_each_harm_is_named_with_its_number() {
-        assert_eq!(check(&good(), &Bounds::default()), []);
+        let Checked { values, faults, .. } = check(&good(), &Bounds::default());
+        assert_eq!(faults, []);
+        assert_eq!((values.mu_per_cgy, values.medians), (Some(3.0), 1.5));
+        assert!((values.outside - 0.1 / 6.0).abs() < 1e-12 && (values.hottest - 78.0 / 75.0).abs() < 1e-12);
+        assert!((values.uncovered - 0.12).abs() < 1e-12);
         let words = |harm: &dyn Fn(&mut Check)| {
             let mut plan = good();
             harm(&mut plan);
-            let faults = check(&plan, &Bounds::default());
+            let faults = check(&plan, &Bounds::default()).faults;
             assert_eq!(faults.len(), 1, "{faults:?}");
             faults[0].to_string()
         };
@@ -367,6 +417,7 @@ mod tests {
         plan.monitor_units = None;
         plan.beams[0].weights.fill(0.0);
         (plan.beams[0].delivered, plan.beams[0].outside) = (0.0, 0.0);
-        assert_eq!(check(&plan, &Bounds::default()), []);
+        let found = check(&plan, &Bounds::default());
+        assert_eq!((found.faults, found.values.outside, found.values.medians), (vec![], 0.0, 0.0));
     }
 }

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::table::ObjectiveTable;
-use crate::fluence::{Dose, Goals, GoalsError, Objective, ObjectiveSpec, StructureObjectives, StructurePart};
+use crate::fluence::{Dose, Goals, GoalsError, Modulation, Objective, ObjectiveSpec, StructureObjectives, StructurePart};
 use crate::sampling::{Points, Sampling};
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, Role, Structure};
@@ -21,6 +21,8 @@ pub struct ObjectiveSet {
     followed: Vec<u32>,
     /// Rows of a dose matrix.
     pub(super) rows: usize,
+    /// What uneven fluence costs.
+    pub modulation: Option<Modulation>,
 }
 
 /// Why a table gives a case no objectives.
@@ -80,6 +82,7 @@ impl ObjectiveTable {
             moves: Vec::new(),
             followed,
             rows: sampling.rows(),
+            modulation: self.modulation,
         };
         let mut taken = vec![false; sampling.grid().len()];
         for (place, structure) in order {
@@ -150,7 +153,7 @@ impl ObjectiveSet {
                 structures.push(StructureObjectives { voxels, objectives, ..structure.clone() });
             }
         }
-        Ok(Goals::new(structures, setups * self.rows)?)
+        Ok(Goals::new(structures, setups * self.rows)?.modulated(self.modulation)?)
     }
 
     /// The goals of one set-up in two parts, whose objectives add up to that of `goals(1)`: of structures that are followed

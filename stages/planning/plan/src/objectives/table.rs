@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::fluence::ObjectiveSpec;
+use crate::fluence::{Modulation, ObjectiveSpec};
 use stillpoint_patient::case::{Role, name_fits};
 
 const SHIPPED: &str = include_str!("../../data/objectives.json");
@@ -12,6 +12,8 @@ const SHIPPED: &str = include_str!("../../data/objectives.json");
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectiveTable {
     pub(super) lines: Vec<TableLine>,
+    /// What uneven fluence costs; nothing where the table does not say.
+    pub(super) modulation: Option<Modulation>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -30,6 +32,8 @@ pub(super) struct TableLine {
 #[serde(deny_unknown_fields)]
 struct Table {
     objectives: Vec<TableLine>,
+    #[serde(default)]
+    modulation: Option<Modulation>,
 }
 
 /// Why a text is no table of objectives.
@@ -53,7 +57,7 @@ impl ObjectiveTable {
 
     /// The table in this JSON text.
     pub fn parse(text: &str) -> Result<Self, TableError> {
-        let Table { objectives: lines } = serde_json::from_str(text)?;
+        let Table { objectives: lines, modulation } = serde_json::from_str(text)?;
         let empty = |line: &TableLine| match &line.patterns {
             Some(patterns) => {
                 patterns.is_empty() || patterns.iter().any(|p| !p.contains(char::is_alphanumeric))
@@ -62,13 +66,14 @@ impl ObjectiveTable {
         };
         match lines.iter().position(empty) {
             Some(index) => Err(TableError::Line(index + 1)),
-            None => Ok(Self { lines }),
+            None => Ok(Self { lines, modulation }),
         }
     }
 
-    /// This table, with `later` for the structures that it does not match.
+    /// This table, with `later` for the structures that it does not match, and for the modulation where it has none.
     pub fn before(mut self, later: Self) -> Self {
         self.lines.extend(later.lines);
+        self.modulation = self.modulation.or(later.modulation);
         self
     }
 
