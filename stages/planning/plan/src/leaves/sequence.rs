@@ -23,6 +23,9 @@ pub struct FluenceBeam<'a> {
     pub weights: &'a [f64],
 }
 
+/// Steps in which segments that are too light are left out.
+const THINNING: u32 = 4;
+
 /// How fluences are sequenced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeafOptions {
@@ -92,9 +95,13 @@ pub fn sequence(
         plan = solved(goals, &mut growing, collimator)?;
         added += grown(goals, &mut growing, &mut plan, (collimator, most), options.most_segments)?;
     }
-    // Each round leaves at least one segment out, so it ends.
-    while growing.iter_mut().flatten().map(|beam| beam.thin(options.least_weight)).sum::<usize>() > 0 {
-        plan = solved(goals, &mut growing, collimator)?;
+    // The lightest go first: what they gave goes to those that are nearly as light, and these may then stay. Each round leaves
+    // at least one segment out, so it ends.
+    for step in 1..=THINNING {
+        let least = options.least_weight * f64::from(step) / f64::from(THINNING);
+        while growing.iter_mut().flatten().map(|beam| beam.thin(least)).sum::<usize>() > 0 {
+            plan = solved(goals, &mut growing, collimator)?;
+        }
     }
     let beams =
         growing.iter().map(|beam| LeafBeam::new(collimator, &beam.as_ref()?.map, &beam.as_ref()?.shapes));

@@ -78,7 +78,7 @@ impl ObjectiveTable {
         followed.dedup();
         let mut set = ObjectiveSet {
             structures: Vec::new(),
-            notes: Vec::new(),
+            notes: self.unused(case),
             moves: Vec::new(),
             followed,
             rows: sampling.rows(),
@@ -316,6 +316,21 @@ mod tests {
             entry.voxels.len()
         );
         assert!(matches!(entry.objectives[..], [Objective::Overdose(Overdose { dose: 39.0, .. })]));
+    }
+
+    #[test]
+    fn a_line_that_counts_for_nothing_is_said_with_its_cause() {
+        let (case, shipped) = set_of_phantom();
+        assert_eq!(shipped.notes, Vec::<String>::new(), "the shipped table has lines for other sites");
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [
+            {"match": ["Rectum"], "wanted": []}, {"match": ["Rectun"], "wanted": []},
+            {"match": ["rect*"], "role": "organ", "wanted": []}]}"#;
+        let own = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
+        let notes = own.for_case(&case, &grid).unwrap().notes;
+        assert_eq!(notes.len(), 2, "{notes:?}");
+        assert!(notes[0].starts_with("line 2 of the objectives (match: Rectun) counts for nothing: no structure"));
+        assert!(notes[1].contains("(match: rect*, role: organ)") && notes[1].ends_with("a line before it takes Rectum"));
     }
 
     #[test]

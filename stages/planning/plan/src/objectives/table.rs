@@ -4,7 +4,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 use crate::fluence::{Modulation, ObjectiveSpec};
-use stillpoint_patient::case::{Role, name_fits};
+use stillpoint_patient::case::{Case, Role, Structure, name_fits};
 
 const SHIPPED: &str = include_str!("../../data/objectives.json");
 
@@ -12,8 +12,10 @@ const SHIPPED: &str = include_str!("../../data/objectives.json");
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectiveTable {
     pub(super) lines: Vec<TableLine>,
+    /// How many of them, from the first, are not those that come with stillpoint.
+    own: usize,
     /// What uneven fluence costs; nothing where the table does not say.
-    pub(super) modulation: Option<Modulation>,
+    pub modulation: Option<Modulation>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -52,7 +54,7 @@ pub enum TableError {
 impl ObjectiveTable {
     /// The table that stillpoint ships.
     pub fn shipped() -> Result<Self, TableError> {
-        Self::parse(SHIPPED)
+        Ok(Self { own: 0, ..Self::parse(SHIPPED)? })
     }
 
     /// The table in this JSON text.
@@ -66,7 +68,7 @@ impl ObjectiveTable {
         };
         match lines.iter().position(empty) {
             Some(index) => Err(TableError::Line(index + 1)),
-            None => Ok(Self { lines, modulation }),
+            None => Ok(Self { own: lines.len(), lines, modulation }),
         }
     }
 
@@ -79,11 +81,44 @@ impl ObjectiveTable {
 
     /// The objectives of the first line that matches; none if no line does.
     pub(super) fn find(&self, name: &str, role: Role) -> &[ObjectiveSpec] {
-        let fits = |line: &&TableLine| {
-            line.role.is_none_or(|r| r == role)
-                && line.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
-        };
-        self.lines.iter().find(fits).map_or(&[], |line| &line.specs)
+        self.lines.iter().find(|line| line.fits(name, role)).map_or(&[], |line| &line.specs)
+    }
+
+    /// Says of each line that does not come with stillpoint and counts for no structure of a case why it does not.
+    pub(super) fn unused(&self, case: &Case) -> Vec<String> {
+        let mut said = Vec::new();
+        for (number, line) in self.lines.iter().take(self.own).enumerate() {
+            let fitting = || case.structures().iter().filter(|s| line.fits(&s.name, s.role));
+            let is_first = |s: &Structure| !self.lines[..number].iter().any(|l| l.fits(&s.name, s.role));
+            if fitting().any(is_first) {
+                continue;
+            }
+            let why = match fitting().next() {
+                Some(structure) => format!("a line before it takes {}", structure.name),
+                None => {
+                    let names: Vec<&str> = case.structures().iter().map(|s| s.name.as_str()).collect();
+                    format!("no structure of the case fits (there are {})", names.join(", "))
+                }
+            };
+            said.push(format!("line {} of the objectives ({line}) counts for nothing: {why}", number + 1));
+        }
+        said
+    }
+}
+
+impl TableLine {
+    fn fits(&self, name: &str, role: Role) -> bool {
+        self.role.is_none_or(|r| r == role)
+            && self.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
+    }
+}
+
+impl std::fmt::Display for TableLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let patterns = self.patterns.as_ref().map(|patterns| format!("match: {}", patterns.join(", ")));
+        let word = |role: Role| serde_json::to_value(role).ok().and_then(|word| Some(word.as_str()?.to_owned()));
+        let role = self.role.and_then(word).map(|role| format!("role: {role}"));
+        f.write_str(&patterns.into_iter().chain(role).collect::<Vec<_>>().join(", "))
     }
 }
 
