@@ -371,7 +371,12 @@ impl CheckedDose {
     pub fn of(shift_mm: [f64; 3], figures: &[StructureDose]) -> Self {
         let body = figures.iter().find(|f| f.role == Role::External);
         let covered = figures.iter().filter_map(|f| Some((f.name.clone(), f.covered?)));
-        Self { shift_mm, hottest_gy: body.map_or(0.0, |f| f.d003cc_gy), covered: covered.collect(), of_planned: Vec::new() }
+        Self {
+            shift_mm,
+            hottest_gy: body.map_or(0.0, |f| f.d003cc_gy),
+            covered: covered.collect(),
+            of_planned: Vec::new(),
+        }
     }
 }
 

@@ -25,13 +25,10 @@ pub fn from_bytes(bytes: &[u8], rows: usize) -> Result<Goals, String> {
     Goals::new(structures, rows).and_then(|goals| goals.modulated(modulation)).map_err(|e| e.to_string())
 }
 
-fn read(
-    bytes: &[u8],
-    rows: usize,
-) -> Result<(Vec<StructureObjectives>, Option<Modulation>), WireError> {
+fn read(bytes: &[u8], rows: usize) -> Result<(Vec<StructureObjectives>, Option<Modulation>), WireError> {
     // Before anything of this size is made: the number of rows, and the length of the list of structures.
-    let (_, structures, modulation): (usize, Vec<StructureObjectives>, Option<Modulation>) =
-        FORMAT.read_after(bytes, |(found, structures): (usize, usize)| {
+    let (_, structures, modulation): (usize, Vec<StructureObjectives>, Option<Modulation>) = FORMAT
+        .read_after(bytes, |(found, structures): (usize, usize)| {
             at_most(structures, MOST_STRUCTURES, "the number of structures")?;
             match found == rows {
                 true => Ok(()),

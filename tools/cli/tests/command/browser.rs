@@ -33,7 +33,8 @@ fn a_page_of_slices_opens_on_its_first_slice_in_every_installed_browser() {
     let drawings: Vec<(String, String)> = COLOURS.iter().enumerate().map(drawing).collect();
     let mut section = Section::new("dose", "Dose", &Value::Null).unwrap();
     for title in ["axial slices", "coronal slices"] {
-        section = section.with(Block::Stack { title: title.to_owned(), drawings: drawings.clone(), first: 1 });
+        section =
+            section.with(Block::Stack { title: title.to_owned(), drawings: drawings.clone(), first: 1 });
     }
     let page = folder.path().join("page.html");
     std::fs::write(&page, html::page("slices", "a test", &[section])).unwrap();
@@ -46,7 +47,9 @@ fn a_page_of_slices_opens_on_its_first_slice_in_every_installed_browser() {
         let mut command = Command::new(browser);
         command.args(["--headless", "--window-size=1200,1600"]);
         match browser {
-            "firefox" => command.arg("--no-remote").arg("--profile").arg(&profile).arg("--screenshot").arg(&picture),
+            "firefox" => {
+                command.arg("--no-remote").arg("--profile").arg(&profile).arg("--screenshot").arg(&picture)
+            }
             _ => command
                 .args(["--no-sandbox", "--disable-gpu", "--hide-scrollbars"])
                 .arg(format!("--user-data-dir={}", profile.join(browser).display()))

@@ -3,7 +3,9 @@
 use thiserror::Error;
 
 use super::table::ObjectiveTable;
-use crate::fluence::{Dose, Goals, GoalsError, Modulation, Objective, ObjectiveSpec, StructureObjectives, StructurePart};
+use crate::fluence::{
+    Dose, Goals, GoalsError, Modulation, Objective, ObjectiveSpec, StructureObjectives, StructurePart,
+};
 use crate::sampling::{Points, Sampling};
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, Role, Structure};
@@ -329,8 +331,13 @@ mod tests {
         let own = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
         let notes = own.for_case(&case, &grid).unwrap().notes;
         assert_eq!(notes.len(), 2, "{notes:?}");
-        assert!(notes[0].starts_with("line 2 of the objectives (match: Rectun) counts for nothing: no structure"));
-        assert!(notes[1].contains("(match: rect*, role: organ)") && notes[1].ends_with("a line before it takes Rectum"));
+        assert!(
+            notes[0].starts_with("line 2 of the objectives (match: Rectun) counts for nothing: no structure")
+        );
+        assert!(
+            notes[1].contains("(match: rect*, role: organ)")
+                && notes[1].ends_with("a line before it takes Rectum")
+        );
     }
 
     #[test]

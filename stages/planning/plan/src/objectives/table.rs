@@ -116,7 +116,8 @@ impl TableLine {
 impl std::fmt::Display for TableLine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let patterns = self.patterns.as_ref().map(|patterns| format!("match: {}", patterns.join(", ")));
-        let word = |role: Role| serde_json::to_value(role).ok().and_then(|word| Some(word.as_str()?.to_owned()));
+        let word =
+            |role: Role| serde_json::to_value(role).ok().and_then(|word| Some(word.as_str()?.to_owned()));
         let role = self.role.and_then(word).map(|role| format!("role: {role}"));
         f.write_str(&patterns.into_iter().chain(role).collect::<Vec<_>>().join(", "))
     }

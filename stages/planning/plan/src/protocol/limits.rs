@@ -284,7 +284,8 @@ mod tests {
     #[test]
     fn limits_for_fractions_of_2_gy_do_not_hold_for_one_of_20_gy() {
         let case = phantom(0).unwrap();
-        let of = |fraction_gy| Protocol { name: "test".into(), fraction_gy, limits: vec![] }.fractionation(&case);
+        let of =
+            |fraction_gy| Protocol { name: "test".into(), fraction_gy, limits: vec![] }.fractionation(&case);
         assert_eq!(of(Some([1.7, 2.3])), Fractionation::Holds, "78 Gy in 39 fractions");
         let Fractionation::Other(why) = of(Some([15.0, 25.0])) else { panic!("2 Gy are not 15 to 25 Gy") };
         assert!(why.contains("fractions of 15 to 25 Gy, and the case has 39 of 2.00 Gy"), "{why}");

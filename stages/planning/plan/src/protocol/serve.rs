@@ -45,7 +45,11 @@ impl Protocol {
                 all.push(Served { structure, limit, by, is_derived });
             };
             if limit.of == Of::Plan {
-                say("plan", find(structures, |_| true, |aim| serves_plan(limit.metric, aim, highest_gy)), false);
+                say(
+                    "plan",
+                    find(structures, |_| true, |aim| serves_plan(limit.metric, aim, highest_gy)),
+                    false,
+                );
             }
             for structure in case.structures().iter().filter(|s| limit.of.takes(case, s, highest_gy)) {
                 let goal = Goal {
@@ -271,10 +275,13 @@ mod tests {
 
     #[test]
     fn an_objective_serves_what_its_dose_keeps_and_nothing_stricter() {
-        let goal = |limit: &Limit, aim: Aim| Goal { limit, prescribed_gy: 60.0, volume_cm3: 10.0 }.is_served_by(aim);
+        let goal =
+            |limit: &Limit, aim: Aim| Goal { limit, prescribed_gy: 60.0, volume_cm3: 10.0 }.is_served_by(aim);
         let (most, least) = (Bound::AtMost, Bound::AtLeast);
         let mean = limit("a", "Mean[Gy] <= 25");
-        assert!(goal(&mean, Aim::Mean(most, 25.0)) && goal(&mean, Aim::Geud { a: 3.0, bound: most, dose: 25.0 }));
+        assert!(
+            goal(&mean, Aim::Mean(most, 25.0)) && goal(&mean, Aim::Geud { a: 3.0, bound: most, dose: 25.0 })
+        );
         assert!(!goal(&mean, Aim::Mean(most, 26.0)) && !goal(&mean, Aim::Mean(least, 20.0)));
         let volume = limit("a", "V30Gy[cc] <= 4");
         let aim = |dose, volume| Aim::Volume { bound: most, dose, volume };

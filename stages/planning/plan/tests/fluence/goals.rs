@@ -377,7 +377,10 @@ fn a_bixel_that_gives_little_does_not_carry_the_beam() {
     }
     // The last voxel of the target gets dose of the last bixel alone, a hundredth of that of the others.
     values[5 * VOXELS + 5] = 0.01;
-    let wanted = wanted([vec![Underdose { dose: 60.0, weight: 10.0 }.into()], vec![]]);
+    let wanted = wanted([
+        vec![Underdose { dose: 60.0, weight: 10.0 }.into(), Overdose { dose: 62.0, weight: 10.0 }.into()],
+        vec![],
+    ]);
     let matrix = matrix(&values);
     let rows = Rows::from_columns(matrix.view()).unwrap();
     let heaviest = |modulation: Option<Modulation>| {

@@ -4,10 +4,10 @@ use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::neck;
 use stillpoint_plan::check::{Checked, Fault};
+use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::evaluation::StructureDose;
 use stillpoint_plan::recipe::{Delivery, PlanRequest, Planned, SetupSpec, plan};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
-use stillpoint_plan::evaluation::OnGrid;
 
 const THREADS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
 

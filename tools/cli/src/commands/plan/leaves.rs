@@ -104,7 +104,8 @@ impl<'a> Leaves<'a> {
     /// How much the objective is above that of the fluence, as a part of it: behind leaves that let nothing through, and
     /// with their transmission.
     pub fn losses(&self) -> [f64; 2] {
-        [self.sequenced.opaque, self.sequenced.plan.certificate.objective].map(|cost| cost / self.planned - 1.0)
+        [self.sequenced.opaque, self.sequenced.plan.certificate.objective]
+            .map(|cost| cost / self.planned - 1.0)
     }
 
     /// All of it, for `plan.json`.
@@ -130,9 +131,7 @@ impl<'a> Leaves<'a> {
             objective: self.sequenced.plan.certificate.objective,
             loss,
             loss_without_transmission: Some(opaque),
-            loss_before_segments_were_added: Some(
-                self.sequenced.divided / self.planned - 1.0,
-            ),
+            loss_before_segments_were_added: Some(self.sequenced.divided / self.planned - 1.0),
             added_segments: self.sequenced.added,
             segments,
             monitor_units,

@@ -9,9 +9,9 @@ use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::plan_file::{
-    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose, PlanFileFigures,
-    PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints, PlanFileProtocol,
-    PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
+    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose,
+    PlanFileFigures, PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints,
+    PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
 };
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};

@@ -1,8 +1,8 @@
 //! What the plan is made for and with: prescription, fractions, isocentre, machine, objectives, notes.
 
 use stillpoint_plan::fluence::Modulation;
-use stillpoint_plan::recipe::RobustBy;
 use stillpoint_plan::protocol::Served;
+use stillpoint_plan::recipe::RobustBy;
 use stillpoint_report::page::{Block, Cell, Table};
 
 use super::super::ground::Ground;
