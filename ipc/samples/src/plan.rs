@@ -137,6 +137,16 @@ pub enum PlanRefusal {
     /// A worker that was shut out has given answers for the standing plan, which stands no longer; `request` is the number
     /// of that plan.
     Doubt = 10,
+    /// The plan check: too much fluence passes beside the patient.
+    CheckOutside = 11,
+    /// The plan check: a bixel carries too much of its beam.
+    CheckPeak = 12,
+    /// The plan check: too many monitor units.
+    CheckUnits = 13,
+    /// The plan check: the patient gets much more dose when shifted.
+    CheckHotter = 14,
+    /// The plan check: a target loses much of its dose when shifted.
+    CheckUncovered = 15,
 }
 
 impl PlanRefusal {
@@ -154,6 +164,11 @@ impl PlanRefusal {
             Self::Accept => "no finished plan is offered for the accepted request",
             Self::Pool => "no worker of the planning pool was there for the time of patience",
             Self::Doubt => "the current plan has answers of a worker that was excluded, and is withdrawn",
+            Self::CheckOutside => "the plan check: too much fluence misses the patient",
+            Self::CheckPeak => "the plan check: a bixel carries too much of its beam",
+            Self::CheckUnits => "the plan check: too many monitor units",
+            Self::CheckHotter => "the plan check: the patient gets much more dose when shifted",
+            Self::CheckUncovered => "the plan check: a target loses much of its dose when shifted",
         }
     }
 }

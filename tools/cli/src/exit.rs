@@ -20,6 +20,8 @@ pub enum Exit {
     Open = 4,
     /// A replay compared nothing: no activation of the selected operators can be replayed.
     Nothing = 5,
+    /// The plan check refuses the plan.
+    Refused = 6,
 }
 
 impl From<Exit> for ExitCode {

@@ -34,7 +34,7 @@ pub enum Block {
     Picture(Picture),
     /// An SVG document with its caption.
     Drawing(String, String),
-    /// Drawings of which one is seen at a time; the reader scrolls through them.
+    /// Drawings of which one is seen at a time; the reader chooses it.
     Stack {
         title: String,
         /// SVG documents with their captions.

@@ -2,13 +2,14 @@
 //!
 //! An objective can be low on a plan that no one should deliver: with fluence that passes beside the patient, with single
 //! bixels that carry a beam, or with a dose that stands only as long as the patient lies to the millimetre. [`check`] is a
-//! pure function of what is known of a plan; [`Check::of`] computes what it needs. Bounds are in [`Bounds`]. They are not
-//! calibrated on plans that were delivered, so what is beyond one is a warning, and refuses no plan.
+//! pure function of what is known of a plan; [`Check::of`] computes what it needs, and [`crate::recipe::PlanSetup::check`] is
+//! both for every program that plans. A plan with a [`Fault`] is refused. The [`Bounds`] are choices of this project; the
+//! page of results on beams says what plans of drawn and real patients give.
 
 use std::fmt::{Display, Formatter};
 use std::num::NonZeroUsize;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::dose::{DoseError, DoseParams, Machine};
 use crate::evaluation::{OnGrid, StructureDose};
@@ -16,7 +17,7 @@ use crate::recompute::{BeamFluence, Recompute};
 use stillpoint_patient::case::{Case, Role};
 
 /// What a plan may be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
     /// Part of the fluence whose rays do not cross the patient.
     pub outside: f64,
@@ -28,7 +29,8 @@ pub struct Bounds {
     pub shift_mm: f64,
     /// D0.03cc of the patient when shifted, as a part of that as planned.
     pub hottest: f64,
-    /// Part of a target that may lose 95 % of its prescription when shifted.
+    /// Part of a target that may lose 95 % of its prescription when shifted, beyond what it loses of the planned dose where
+    /// that stays in the room: this it loses by its size alone.
     pub uncovered: f64,
 }
 
@@ -36,6 +38,33 @@ impl Default for Bounds {
     fn default() -> Self {
         Self { outside: 0.05, medians: 10.0, mu_per_cgy: 10.0, shift_mm: 5.0, hottest: 1.1, uncovered: 0.25 }
     }
+}
+
+/// What a plan gives of each quantity that has a bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CheckValues {
+    /// Part of the fluence whose rays do not cross the patient.
+    pub outside: f64,
+    /// The heaviest bixel, in medians of the weights above zero of its beam.
+    pub medians: f64,
+    /// Monitor units of a fraction for each centigray of its highest prescription; nothing without segments.
+    pub mu_per_cgy: Option<f64>,
+    /// D0.03cc of the patient in the worst shift, as a part of that as planned.
+    pub hottest: f64,
+    /// Part of a target that loses 95 % of its prescription in its worst shift beyond what it loses by its size alone, at most
+    /// over the targets; 0 where it loses less.
+    pub uncovered: f64,
+}
+
+/// What the check of a plan found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checked {
+    /// What a plan may be.
+    pub bounds: Bounds,
+    /// What this one is.
+    pub values: CheckValues,
+    /// What is beyond a bound; nothing where the plan passes.
+    pub faults: Vec<Fault>,
 }
 
 /// A beam of a plan that is checked.
@@ -62,6 +91,8 @@ pub struct CheckedDose {
     pub hottest_gy: f64,
     /// Targets with a prescription, and the part of each that gets 95 % of it.
     pub covered: Vec<(String, f64)>,
+    /// The part of each that would get it of the planned dose, where that stays in the room.
+    pub of_planned: Vec<f64>,
 }
 
 /// What is known of a plan. Without doses and monitor units, its fluence alone is checked.
@@ -80,8 +111,7 @@ pub struct Check {
 }
 
 /// What is beyond a bound.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(tag = "fault", rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// Fluence passes beside the patient.
     Outside {
@@ -131,9 +161,9 @@ pub enum Fault {
         target: String,
         /// The shift, mm.
         shift_mm: [f64; 3],
-        /// Part that gets 95 % of its prescription as planned.
+        /// Part that would get 95 % of its prescription of the planned dose, where that stays in the room.
         planned: f64,
-        /// The same when shifted.
+        /// Part that gets it.
         shifted: f64,
         /// Allowed loss.
         most: f64,
@@ -171,8 +201,8 @@ impl Display for Fault {
             ),
             Self::Uncovered { target, shift_mm, planned, shifted, most } => write!(
                 f,
-                "with the patient moved by {}, {:.1} % of {target} gets 95 % of its prescription, {:.1} % as planned \
-                 (allowed loss: {:.0} %): plan with `--robust`",
+                "with the patient moved by {}, {:.1} % of {target} gets 95 % of its prescription; of a dose that stays in the \
+                 room it would be {:.1} % (allowed loss: {:.0} %): plan with `--robust`",
                 axes(*shift_mm),
                 100.0 * shifted,
                 100.0 * planned,
@@ -182,23 +212,34 @@ impl Display for Fault {
     }
 }
 
-/// What of this plan is beyond a bound; nothing where nothing is.
-pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
+/// What of this plan is beyond a bound; no fault where nothing is.
+pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
     let mut faults = Vec::new();
+    let mut values = CheckValues::default();
     let delivered: f64 = plan.beams.iter().map(|beam| beam.delivered).sum();
     let part = plan.beams.iter().map(|beam| beam.outside).sum::<f64>() / delivered.max(f64::MIN_POSITIVE);
+    values.outside = part;
     if part > bounds.outside {
         faults.push(Fault::Outside { part, most: bounds.outside });
     }
-    faults.extend(plan.beams.iter().filter_map(|beam| peak(beam, bounds.medians)));
-    if let Some(monitor_units) = plan.monitor_units
-        && monitor_units > bounds.mu_per_cgy * 100.0 * plan.fraction_gy
-    {
-        let most = bounds.mu_per_cgy;
-        faults.push(Fault::Units { monitor_units, fraction_gy: plan.fraction_gy, most });
+    for beam in &plan.beams {
+        let Some(median) = median(&beam.weights) else { continue };
+        values.medians = beam.weights.iter().fold(values.medians, |most, weight| most.max(weight / median));
+        faults.extend(peak(beam, median, bounds.medians));
+    }
+    if let Some(monitor_units) = plan.monitor_units {
+        let (fraction_gy, most) = (plan.fraction_gy, bounds.mu_per_cgy);
+        values.mu_per_cgy = (fraction_gy > 0.0).then(|| monitor_units / (100.0 * fraction_gy));
+        if monitor_units > most * 100.0 * fraction_gy {
+            faults.push(Fault::Units { monitor_units, fraction_gy, most });
+        }
     }
     let planned = &plan.planned;
     let hottest = plan.shifted.iter().max_by(|a, b| a.hottest_gy.total_cmp(&b.hottest_gy));
+    values.hottest = match hottest {
+        Some(moved) if planned.hottest_gy > 0.0 => moved.hottest_gy / planned.hottest_gy,
+        _ => 0.0,
+    };
     faults.extend(hottest.filter(|moved| moved.hottest_gy > bounds.hottest * planned.hottest_gy).map(
         |moved| Fault::Hotter {
             shift_mm: moved.shift_mm,
@@ -207,28 +248,35 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
             most: bounds.hottest,
         },
     ));
-    for (at, (target, covered)) in planned.covered.iter().enumerate() {
-        let of = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
-        let worst = plan.shifted.iter().min_by(|a, b| of(a).total_cmp(&of(b)));
-        faults.extend(worst.filter(|moved| covered - of(moved) > bounds.uncovered).map(|moved| {
-            Fault::Uncovered {
+    for (at, (target, _)) in planned.covered.iter().enumerate() {
+        let shifted = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
+        let of_planned = |moved: &CheckedDose| moved.of_planned.get(at).copied().unwrap_or_default();
+        let lost = |moved: &CheckedDose| of_planned(moved) - shifted(moved);
+        let Some(worst) = plan.shifted.iter().max_by(|a, b| lost(a).total_cmp(&lost(b))) else { continue };
+        values.uncovered = values.uncovered.max(lost(worst));
+        if lost(worst) > bounds.uncovered {
+            faults.push(Fault::Uncovered {
                 target: target.clone(),
-                shift_mm: moved.shift_mm,
-                planned: *covered,
-                shifted: of(moved),
+                shift_mm: worst.shift_mm,
+                planned: of_planned(worst),
+                shifted: shifted(worst),
                 most: bounds.uncovered,
-            }
-        }));
+            });
+        }
     }
-    faults
+    Checked { bounds: *bounds, values, faults }
+}
+
+/// The median of the weights above zero.
+fn median(weights: &[f64]) -> Option<f64> {
+    let mut lit: Vec<f64> = weights.iter().copied().filter(|weight| *weight > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    lit.get(lit.len() / 2).copied()
 }
 
 /// The heaviest bixel of a beam above so many medians.
-fn peak(beam: &CheckedBeam, most: f64) -> Option<Fault> {
-    let mut lit: Vec<f64> = beam.weights.iter().copied().filter(|weight| *weight > 0.0).collect();
-    lit.sort_by(f64::total_cmp);
-    let median = *lit.get(lit.len() / 2)?;
-    let count = lit.iter().filter(|weight| **weight > most * median).count();
+fn peak(beam: &CheckedBeam, median: f64, most: f64) -> Option<Fault> {
+    let count = beam.weights.iter().filter(|weight| **weight > most * median).count();
     let (bixel_mm, weight) =
         beam.bixels_mm.iter().zip(&beam.weights).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     (count > 0).then_some(Fault::Peak {
@@ -244,9 +292,9 @@ fn peak(beam: &CheckedBeam, most: f64) -> Option<Fault> {
 /// Spacing of the grid on which doses of shifts are compared, mm.
 const SPACING_MM: f64 = 4.0;
 
-/// What a check computes of a plan.
+/// A plan of which a check computes what it needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Checked<'a> {
+pub struct CheckedPlan<'a> {
     /// The patient.
     pub case: &'a Case,
     /// The machine.
@@ -259,6 +307,8 @@ pub struct Checked<'a> {
     pub delivered: &'a [BeamFluence],
     /// Monitor units of a fraction, where the fluence is sequenced.
     pub monitor_units: Option<f64>,
+    /// Where the patient lies for whom it was planned beside the planned set-up of the case, mm.
+    pub moved_mm: [f64; 3],
 }
 
 impl Check {
@@ -266,19 +316,31 @@ impl Check {
     ///
     /// # Errors
     /// Doses cannot be computed.
-    pub fn of(plan: &Checked<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
-        let Checked { case, machine, params, .. } = *plan;
+    pub fn of(plan: &CheckedPlan<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
+        let CheckedPlan { case, machine, params, moved_mm, .. } = *plan;
         let recompute = Recompute::with_spacing(case, machine.clone(), params, SPACING_MM)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         let beams = BeamFluence::weighted(plan.delivered);
-        let dose = |shift_mm: [f64; 3]| -> Result<CheckedDose, DoseError> {
-            let gray = recompute.dose(&beams, shift_mm, threads)?;
-            Ok(CheckedDose::of(shift_mm, &on_grid.evaluate(&gray).figures(&[])))
+        let dose = |shift_mm: [f64; 3]| {
+            let place_mm = std::array::from_fn(|axis| moved_mm[axis] + shift_mm[axis]);
+            recompute.dose(&beams, place_mm, threads)
         };
+        let figures = |gray: &[f32]| on_grid.evaluate(gray).figures(&[]);
+        let planned = dose([0.0; 3])?;
         let mut shifted = Vec::new();
         for axis in 0..3 {
             for direction in [-bounds.shift_mm, bounds.shift_mm] {
-                shifted.push(dose(std::array::from_fn(|at| if at == axis { direction } else { 0.0 }))?);
+                let shift_mm: [f64; 3] = std::array::from_fn(|at| if at == axis { direction } else { 0.0 });
+                let covered = CheckedDose::of(shift_mm, &figures(&dose(shift_mm)?));
+                // A voxel of the moved patient is in the room where that of the planned patient was that far away.
+                let in_room = |voxel: usize| {
+                    let centre_mm = on_grid.grid().centre_mm(on_grid.grid().voxel(voxel));
+                    let place_mm = std::array::from_fn(|at| centre_mm[at] + shift_mm[at]);
+                    on_grid.grid().value_at(&planned, place_mm)
+                };
+                let stays: Vec<f32> = (0..planned.len()).map(in_room).collect();
+                let of_planned = figures(&stays).into_iter().filter_map(|f| f.covered).collect();
+                shifted.push(CheckedDose { of_planned, ..covered });
             }
         }
         let highest_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
@@ -287,7 +349,7 @@ impl Check {
             // Beams without segments are not delivered.
             let (mut delivered, mut outside) = (0.0, 0.0);
             for given in plan.delivered.iter().filter(|given| given.gantry_deg == beam.gantry_deg) {
-                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm)?;
+                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm, moved_mm)?;
                 delivered += given.weights.iter().sum::<f64>();
                 outside += given.weights.iter().zip(parts).map(|(weight, part)| weight * part).sum::<f64>();
             }
@@ -298,7 +360,7 @@ impl Check {
             beams: checked,
             monitor_units: plan.monitor_units,
             fraction_gy: highest_gy / f64::from(case.fractions().unwrap_or(1)),
-            planned: dose([0.0; 3])?,
+            planned: CheckedDose::of([0.0; 3], &figures(&planned)),
             shifted,
         })
     }
@@ -309,7 +371,12 @@ impl CheckedDose {
     pub fn of(shift_mm: [f64; 3], figures: &[StructureDose]) -> Self {
         let body = figures.iter().find(|f| f.role == Role::External);
         let covered = figures.iter().filter_map(|f| Some((f.name.clone(), f.covered?)));
-        Self { shift_mm, hottest_gy: body.map_or(0.0, |f| f.d003cc_gy), covered: covered.collect() }
+        Self {
+            shift_mm,
+            hottest_gy: body.map_or(0.0, |f| f.d003cc_gy),
+            covered: covered.collect(),
+            of_planned: Vec::new(),
+        }
     }
 }
 
@@ -318,7 +385,8 @@ mod tests {
     use super::*;
 
     fn dose(shift: f64, hottest_gy: f64, covered: f64) -> CheckedDose {
-        CheckedDose { shift_mm: [shift, 0.0, 0.0], hottest_gy, covered: vec![("PTV".into(), covered)] }
+        let covered = vec![("PTV".into(), covered)];
+        CheckedDose { shift_mm: [shift, 0.0, 0.0], hottest_gy, covered, of_planned: vec![0.9] }
     }
 
     fn good() -> Check {
@@ -340,11 +408,15 @@ mod tests {
 
     #[test]
     fn a_good_plan_passes_and_each_harm_is_named_with_its_number() {
-        assert_eq!(check(&good(), &Bounds::default()), []);
+        let Checked { values, faults, .. } = check(&good(), &Bounds::default());
+        assert_eq!(faults, []);
+        assert_eq!((values.mu_per_cgy, values.medians), (Some(3.0), 1.5));
+        assert!((values.outside - 0.1 / 6.0).abs() < 1e-12 && (values.hottest - 78.0 / 75.0).abs() < 1e-12);
+        assert!((values.uncovered - 0.05).abs() < 1e-12);
         let words = |harm: &dyn Fn(&mut Check)| {
             let mut plan = good();
             harm(&mut plan);
-            let faults = check(&plan, &Bounds::default());
+            let faults = check(&plan, &Bounds::default()).faults;
             assert_eq!(faults.len(), 1, "{faults:?}");
             faults[0].to_string()
         };
@@ -367,6 +439,7 @@ mod tests {
         plan.monitor_units = None;
         plan.beams[0].weights.fill(0.0);
         (plan.beams[0].delivered, plan.beams[0].outside) = (0.0, 0.0);
-        assert_eq!(check(&plan, &Bounds::default()), []);
+        let found = check(&plan, &Bounds::default());
+        assert_eq!((found.faults, found.values.outside, found.values.medians), (vec![], 0.0, 0.0));
     }
 }

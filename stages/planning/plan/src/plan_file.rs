@@ -8,9 +8,10 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Prescription;
 use thiserror::Error;
 
+use crate::check::{Bounds, CheckValues, Checked};
 use crate::dose::Collimator;
 use crate::evaluation::{FallOff, StructureDose};
-use crate::protocol::Judged;
+use crate::protocol::{Judged, Served};
 use crate::recipe::MethodName;
 
 /// Version of the file that this build writes, and the newest that it reads.
@@ -75,6 +76,12 @@ pub struct PlanFile {
     pub figures: PlanFileFigures,
     /// The segments, where there are some.
     pub leaves: Option<PlanFileLeaves>,
+    /// Which objective serves each limit of the protocol.
+    #[serde(default)]
+    pub served: Vec<PlanFileServed>,
+    /// The check of what is delivered; files of older builds have none.
+    #[serde(default)]
+    pub check: Option<PlanFileCheck>,
     /// Figures of the other set-ups.
     #[serde(default)]
     pub setups: Vec<PlanFileSetup>,
@@ -213,6 +220,55 @@ pub struct PlanFileProtocol {
     pub name: String,
     /// Its limits.
     pub limits: Vec<Judged>,
+}
+
+/// A limit with the objective that serves it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileServed {
+    /// The structure, or `plan`.
+    pub structure: String,
+    /// The limit.
+    pub limit: String,
+    /// The objective in words; nothing where none serves the limit.
+    pub by: Option<String>,
+    /// Whether the objective was derived from the limit.
+    pub derived: bool,
+}
+
+impl From<&Served> for PlanFileServed {
+    fn from(served: &Served) -> Self {
+        Self {
+            structure: served.structure.clone(),
+            limit: served.limit.clone(),
+            by: served.by.as_ref().map(|(name, objective)| format!("{name}: {}", objective.aim())),
+            derived: served.is_derived,
+        }
+    }
+}
+
+/// The check of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileCheck {
+    /// What a plan may be.
+    pub bounds: Bounds,
+    /// What this one is.
+    pub values: CheckValues,
+    /// What is beyond a bound, in words; nothing where the plan passes.
+    pub faults: Vec<String>,
+    /// Why a person takes a plan that the check refuses.
+    pub accepted: Option<String>,
+}
+
+impl PlanFileCheck {
+    /// Of what a check found, and the reason to take the plan all the same.
+    pub fn new(checked: &Checked, accepted: Option<&str>) -> Self {
+        Self {
+            bounds: checked.bounds,
+            values: checked.values,
+            faults: checked.faults.iter().map(ToString::to_string).collect(),
+            accepted: accepted.map(str::to_owned),
+        }
+    }
 }
 
 /// The segments of a plan.

@@ -136,12 +136,18 @@ impl Recompute {
         })
     }
 
-    /// Part of each of these bixels (centres in mm) whose rays do not cross the patient as he was planned.
+    /// Part of each of these bixels (centres in mm) whose rays do not cross the patient, moved by `shift_mm` along the axes of
+    /// his frame.
     ///
     /// # Errors
     /// An angle out of range.
-    pub fn parts_outside(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<Vec<f64>, DoseError> {
-        self.engine.parts_outside(gantry_deg, bixels_mm)
+    pub fn parts_outside(
+        &self,
+        gantry_deg: f64,
+        bixels_mm: &[[f64; 2]],
+        shift_mm: [f64; 3],
+    ) -> Result<Vec<f64>, DoseError> {
+        self.engine.shifted(shift_mm)?.parts_outside(gantry_deg, bixels_mm)
     }
 
     fn sum(

@@ -9,8 +9,10 @@ use stillpoint_network::with_network;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_plan::beams::Evaluated;
+use stillpoint_plan::check::Fault;
 use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::protocol::Fractionation;
 use stillpoint_plan::recipe::{MethodName, PlanRequest as Search, PriorName, RequestError, SetupSpec};
 use stillpoint_pool::{Build, Hash, MOST_BYTES};
 use stillpoint_pose::checked_isometry;
@@ -50,7 +52,9 @@ const PLANNED_WITHIN_MM: f64 = 1e-3;
 /// update says whether the standing plan holds in the set-up of its request: D98 and D2 of the target against the parameters
 /// `least` and `most`, and the `limits`. D98 and D2 are of the points that are optimised, and the limits are judged on a grid of the spacing `grid`: neither is recomputed on a finer grid. An
 /// update is an offer: a person takes it with `console.accept` and the number of its request, when the work on that has
-/// ended. Then it is the standing plan, and an update tells whether it holds.
+/// ended. Then it is the standing plan, and an update tells whether it holds. When the work ends, the plan check is that of
+/// `stillpoint plan` in the set-up of the request. A plan that it refuses is not offered: the request is refused with the
+/// fault that was found first.
 ///
 /// Where `answers` is connected, workers of a pool compute doses, solves and prices: the updates are the same to the byte, and
 /// each is sent as soon as its answers are there. When no worker has been there for the `patience` of `pool`, the `degraded`
@@ -135,7 +139,7 @@ impl Operator for PlanOptimizer {
 
     fn new(params: OptimizerParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let case = case_of(params.case.as_deref(), setup)?;
-        let spec = spec(&params, setup)?;
+        let mut spec = spec(&params, setup)?;
         let mut search = search(&params)?;
         let own = params.network.as_deref().map(|name| setup.file(name)).transpose()?;
         let named = params.network.as_deref().map_or(String::new(), |name| format!("{name}: "));
@@ -148,6 +152,12 @@ impl Operator for PlanOptimizer {
             }
             None => None,
         };
+        if let (Some(protocol), Some(name)) = (&protocol, &params.protocol)
+            && let Fractionation::Other(why) = protocol.fractionation(&case)
+        {
+            return Err(SetupError(format!("{name}: {why}")));
+        }
+        spec.protocol = protocol.clone();
         let limits = Limits { own: limits(&params.limits)?, protocol };
         let patient = Patient::new(case, spec, limits)?;
         let build = setup.is_connected(ANSWERS).then(Build::here).transpose().map_err(SetupError)?;
@@ -274,6 +284,17 @@ impl PlanOptimizer {
             return self.refuse(request, PlanRefusal::Budget, outputs);
         }
         if job.ended {
+            if let Some(best) = &job.best {
+                let bixels_mm = |beam| job.bixels_mm(beam).to_vec();
+                let checked = self.patient.check(best, bixels_mm, job.asked.shift_mm);
+                let checked = checked.map_err(|e| StepError(e.to_string()))?;
+                if let Some(fault) = checked.faults.first() {
+                    let request = job.asked.request;
+                    let refusal = refusal_of(fault);
+                    self.job = None;
+                    return self.refuse(request, refusal, outputs);
+                }
+            }
             self.keep_standing();
         }
         self.send_update(outputs)
@@ -443,6 +464,17 @@ impl PlanOptimizer {
         let not_too_much = dose.d2 <= self.params.most * prescribed;
         let keeps_limits = self.keeps_limits == Some(true);
         if enough && not_too_much && keeps_limits { PlanStanding::Holds } else { PlanStanding::Fails }
+    }
+}
+
+/// The fault of a check, as the reason of a refusal.
+fn refusal_of(fault: &Fault) -> PlanRefusal {
+    match fault {
+        Fault::Outside { .. } => PlanRefusal::CheckOutside,
+        Fault::Peak { .. } => PlanRefusal::CheckPeak,
+        Fault::Units { .. } => PlanRefusal::CheckUnits,
+        Fault::Hotter { .. } => PlanRefusal::CheckHotter,
+        Fault::Uncovered { .. } => PlanRefusal::CheckUncovered,
     }
 }
 

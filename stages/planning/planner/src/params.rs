@@ -207,5 +207,9 @@ pub fn limits(given: &[LimitParams]) -> Result<Protocol, SetupError> {
         };
         Limit::new(of, &given.limit, "").map_err(|e| SetupError(format!("`limits`: {e}")))
     };
-    Ok(Protocol { name: "limits".into(), limits: given.iter().map(limit).collect::<Result<_, _>>()? })
+    Ok(Protocol {
+        name: "limits".into(),
+        fraction_gy: None,
+        limits: given.iter().map(limit).collect::<Result<_, _>>()?,
+    })
 }

@@ -6,13 +6,14 @@ use stillpoint_patient::case::{Case, ContentHash, content_hash, from_bytes, phan
 use stillpoint_patient::couch::patient_from_couch;
 use stillpoint_plan::RowsRef;
 use stillpoint_plan::beams::{Evaluated, Ring};
+use stillpoint_plan::check::Checked;
 use stillpoint_plan::dose::{DoseEngine, DoseError};
 use stillpoint_plan::evaluation::{Evaluation, OnGrid};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::protocol::{Judged, Protocol};
-use stillpoint_plan::recipe::{PlanSetup, SetupSpec};
-use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+use stillpoint_plan::recipe::{Delivery, PlanSetup, SetupSpec};
+use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
 
 /// Limits of the standing plan.
 #[derive(Clone, Debug)]
@@ -157,6 +158,26 @@ impl Patient {
         }
         let dvh = Dvh::weighted(&dose, &self.volumes).ok()?;
         Some(TargetDose { d98: dvh.dose_at(98.0), d2: dvh.dose_at(2.0) })
+    }
+
+    /// What the plan check finds in a plan for the patient displaced by so much, mm; the fluence is not sequenced.
+    ///
+    /// # Errors
+    /// A dose cannot be computed there.
+    pub fn check(
+        &self,
+        plan: &Evaluated,
+        bixels_mm: impl Fn(u16) -> Vec<[f64; 2]>,
+        moved_mm: [f64; 3],
+    ) -> Result<Checked, DoseError> {
+        let fluence = |beam: &u16| BeamFluence {
+            gantry_deg: self.ring().angle_deg(*beam),
+            bixels_mm: bixels_mm(*beam),
+            weights: plan.weights_of(*beam).unwrap_or_default().to_vec(),
+        };
+        let fluences: Vec<BeamFluence> = plan.beams.beams().iter().map(fluence).collect();
+        let delivery = Delivery { planned: &fluences, delivered: &fluences, monitor_units: None, moved_mm };
+        self.setup.check(&delivery, std::num::NonZeroUsize::MIN)
     }
 
     /// Whether a plan keeps every limit where the patient is displaced by so much, mm.

@@ -11,7 +11,7 @@ const SHIPPED: [(&str, &str); 2] = [
     ("prostate.yaml", include_str!("../data/protocols/prostate.yaml")),
     ("head-and-neck.yaml", include_str!("../data/protocols/head-and-neck.yaml")),
 ];
-const KEYS: [&str; 3] = ["name", "site", "limits"];
+const KEYS: [&str; 4] = ["name", "site", "fraction", "limits"];
 const KEYS_OF_LIMIT: [&str; 6] = ["structure", "match", "target", "plan", "limit", "source"];
 
 /// The first protocol that comes with stillpoint and of whose site the case has a structure.
@@ -61,7 +61,24 @@ fn protocol(root: &Node, findings: &Findings) -> Option<(Protocol, Vec<String>)>
     let site = keys.get("site").map_or(Some(Vec::new()), |entry| texts(entry, findings));
     let limits: Vec<Option<Limit>> = limits?.iter().map(|node| limit(node, findings)).collect();
     let limits: Option<Vec<Limit>> = limits.into_iter().collect();
-    Some((Protocol { name: name?.to_owned(), limits: limits? }, site?))
+    let fraction_gy = match keys.get("fraction") {
+        Some(entry) => Some(fraction(entry, findings)?),
+        None => None,
+    };
+    Some((Protocol { name: name?.to_owned(), fraction_gy, limits: limits? }, site?))
+}
+
+/// A range of doses of a fraction, `1.7 to 2.3 Gy`.
+fn fraction(entry: &Entry, findings: &Findings) -> Option<[f64; 2]> {
+    let text = entry.value.scalar("`fraction`", TEXT, findings)?;
+    let number = |part: &str| part.trim().parse::<f64>().ok().filter(|gray| gray.is_finite() && *gray > 0.0);
+    let range = text.trim().strip_suffix("Gy").and_then(|range| range.split_once("to"));
+    let range = range.and_then(|(least, most)| Some([number(least)?, number(most)?]));
+    let range = range.filter(|[least, most]| least <= most);
+    if range.is_none() {
+        entry.value.refuse("`fraction`", "a range such as `1.7 to 2.3 Gy`", findings);
+    }
+    range
 }
 
 fn limit(node: &Node, findings: &Findings) -> Option<Limit> {
@@ -113,16 +130,34 @@ fn texts(entry: &Entry, findings: &Findings) -> Option<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_patient::case::phantom;
+    use stillpoint_patient::case::{neck, phantom};
+    use stillpoint_plan::dose::DoseParams;
+    use stillpoint_plan::objectives::ObjectiveTable;
 
     #[test]
     fn the_shipped_protocols_are_read_and_a_pelvis_gets_that_of_the_prostate() {
         for (name, text) in SHIPPED {
             let (protocol, site) = parse(name, text).unwrap();
             assert!(protocol.limits.len() > 10 && !site.is_empty(), "{name}");
+            assert_eq!(protocol.fraction_gy, Some([1.7, 2.3]), "{name}");
         }
         let found = of_site(&phantom(0).unwrap()).unwrap().unwrap();
         assert_eq!(found.name, "prostate");
+    }
+
+    /// What is wanted of a whole plan follows from the outline, and conformity from the fall-off.
+    #[test]
+    fn every_shipped_limit_is_served_by_a_shipped_objective() {
+        let table = ObjectiveTable::shipped().unwrap();
+        for case in [phantom(0).unwrap(), neck(0).unwrap()] {
+            let grid = DoseParams::over(case.grid(), 8.0).grid;
+            let mut set = table.for_case(&case, &grid).unwrap();
+            let served = of_site(&case).unwrap().unwrap().serve(&case, &mut set.structures);
+            assert!(served.len() > 5);
+            for served in served {
+                assert!(served.by.is_some() && !served.is_derived, "{served:?}");
+            }
+        }
     }
 
     #[test]
@@ -137,5 +172,9 @@ mod tests {
         assert!(limit("plan: false, limit: \"R50 <= 5\"").contains("once"));
         assert!(limit("target: all, limit: \"D98%[%] >= 95\"").contains("`highest`"));
         assert!(limit("structure: Rectum").contains("no `limit`"));
+        for wrong in ["20 Gy", "3 to 2 Gy", "-1 to 2 Gy", "1 to 2"] {
+            let text = format!("name: own\nfraction: \"{wrong}\"\nlimits: []\n");
+            assert!(refused(&text).contains("1.7 to 2.3 Gy"), "{wrong}");
+        }
     }
 }

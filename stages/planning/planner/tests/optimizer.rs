@@ -5,6 +5,7 @@
 mod small;
 
 use small::{files, hash, request, stages};
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     BixelWeight, Command, ConsoleCommand, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding,
 };
@@ -13,6 +14,10 @@ use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 
 fn bench(params: &str) -> Bench {
+    bench_with(params, &files())
+}
+
+fn bench_with(params: &str, files: &MemoryFiles) -> Bench {
     let text = format!(
         "
 stillpoint: 1
@@ -27,7 +32,7 @@ operators:
     params: {{ case: small.case, angles: 10, grid: 8 mm, bixel: 14 mm{params} }}
 "
     );
-    Bench::new(&text, "plans", &stages(), &files()).unwrap()
+    Bench::new(&text, "plans", &stages(), files).unwrap()
 }
 
 type Update = (PlanUpdateBody, Vec<BixelWeight>);
@@ -305,4 +310,26 @@ operators:
     files.files.insert("broken.case".to_owned(), b"no case".to_vec());
     let fault = Bench::new(text, "plans", &stages(), &files).err().unwrap();
     assert!(fault.contains("broken.case"), "{fault}");
+}
+
+/// Doses that hang on the millimetre: the check is that of `stillpoint plan`.
+#[test]
+fn a_plan_that_the_check_refuses_is_not_offered_and_the_reason_is_in_the_update() {
+    let mut files = files();
+    // The organ is to get much, and a bound of the peaks that never counts lets single bixels give it.
+    let table = r#"{ "modulation": { "neighbours": 0, "peaks": 0, "times_mean": 4 }, "objectives": [
+        { "role": "target", "wanted": [{ "underdose": { "dose": "100 %", "weight": 1 } }] },
+        { "match": ["Rectum"], "wanted": [{ "underdose": { "dose": "600 Gy", "weight": 1000 } }] },
+        { "role": "external", "wanted": [{ "overdose": { "dose": "100 Gy", "weight": 1 } }] } ] }"#;
+    files.files.insert("peaks.json".to_owned(), table.as_bytes().to_vec());
+    let mut bench = bench_with(", objectives: peaks.json", &files);
+    ask(&mut bench, &request([0.0; 3]));
+    let (last, fluence) = to_the_end(&mut bench).pop().unwrap();
+    let refusal = last.refusal().unwrap();
+    assert!(refusal.words().starts_with("the plan check: "), "{refusal:?}");
+    assert!(fluence.is_empty() && last.beams == 0, "{last:?}");
+    // There is nothing that a person could accept, and no plan stands.
+    let (answer, _) = accept(&mut bench, Verb::Accept, &[last.request as f64]).pop().unwrap();
+    assert_eq!(answer.refusal(), Some(PlanRefusal::Accept));
+    assert_eq!(answer.standing(), PlanStanding::Unknown);
 }

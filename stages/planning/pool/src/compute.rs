@@ -91,8 +91,10 @@ impl Ready {
 
 fn setups(beams: &[Vec<Arc<BeamFile>>]) -> Result<Vec<Setups<'_>>, String> {
     let uneven = || "the doses of a beam in several set-ups have different sizes".to_owned();
-    beams
-        .iter()
-        .map(|setups| Setups::new(setups.iter().map(|dose| dose.dose()).collect()).ok_or_else(uneven))
-        .collect()
+    let mut all = Vec::with_capacity(beams.len());
+    for setups in beams {
+        let together = Setups::new(setups.iter().map(|dose| dose.dose()).collect()).ok_or_else(uneven)?;
+        all.push(together.placed(setups.first().map_or(&[], |dose| dose.bixels_mm())));
+    }
+    Ok(all)
 }

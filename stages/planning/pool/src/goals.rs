@@ -1,18 +1,19 @@
-//! Goals of a plan as canonical bytes: the number of rows of the dose matrices, then each structure with its objectives.
+//! Goals of a plan as canonical bytes: the number of rows of the dose matrices, then each structure with its objectives, then
+//! what uneven fluence costs.
 
-use stillpoint_plan::fluence::{Goals, StructureObjectives};
+use stillpoint_plan::fluence::{Goals, Modulation, StructureObjectives};
 
 use crate::message::LONGEST_CONTENT;
 use crate::wire::{Format, WireError, at_most};
 
-const FORMAT: Format = Format { what: "goals", mark: b"SPGOAL02", most: LONGEST_CONTENT as usize };
+const FORMAT: Format = Format { what: "goals", mark: b"SPGOAL03", most: LONGEST_CONTENT as usize };
 const MOST_STRUCTURES: usize = 4096;
 const MOST_OBJECTIVES: usize = 1024;
 const MOST_NAME: usize = 4096;
 
 /// The bytes of goals.
 pub fn to_bytes(goals: &Goals) -> Vec<u8> {
-    FORMAT.write(&(goals.rows(), goals.structures()))
+    FORMAT.write(&(goals.rows(), goals.structures(), goals.modulation()))
 }
 
 /// The goals of bytes that anybody may have made, for dose matrices of `rows`.
@@ -20,14 +21,14 @@ pub fn to_bytes(goals: &Goals) -> Vec<u8> {
 /// # Errors
 /// The bytes are no goals, or they belong to other matrices.
 pub fn from_bytes(bytes: &[u8], rows: usize) -> Result<Goals, String> {
-    let structures = read(bytes, rows).map_err(|e| format!("the goals cannot be read: {e}"))?;
-    Goals::new(structures, rows).map_err(|e| e.to_string())
+    let (structures, modulation) = read(bytes, rows).map_err(|e| format!("the goals cannot be read: {e}"))?;
+    Goals::new(structures, rows).and_then(|goals| goals.modulated(modulation)).map_err(|e| e.to_string())
 }
 
-fn read(bytes: &[u8], rows: usize) -> Result<Vec<StructureObjectives>, WireError> {
+fn read(bytes: &[u8], rows: usize) -> Result<(Vec<StructureObjectives>, Option<Modulation>), WireError> {
     // Before anything of this size is made: the number of rows, and the length of the list of structures.
-    let (_, structures): (usize, Vec<StructureObjectives>) =
-        FORMAT.read_after(bytes, |(found, structures): (usize, usize)| {
+    let (_, structures, modulation): (usize, Vec<StructureObjectives>, Option<Modulation>) = FORMAT
+        .read_after(bytes, |(found, structures): (usize, usize)| {
             at_most(structures, MOST_STRUCTURES, "the number of structures")?;
             match found == rows {
                 true => Ok(()),
@@ -38,5 +39,5 @@ fn read(bytes: &[u8], rows: usize) -> Result<Vec<StructureObjectives>, WireError
         at_most(structure.name.len(), MOST_NAME, "the length of the name of a structure")?;
         at_most(structure.objectives.len(), MOST_OBJECTIVES, "the number of objectives")?;
     }
-    Ok(structures)
+    Ok((structures, modulation))
 }

@@ -133,7 +133,7 @@ fn a_length_beyond_its_bound_is_refused_before_anything_is_read() {
     let message = [b"SPM3".as_slice(), &vec![0xff; most + 4096]].concat();
     assert!(matches!(Message::from_bytes(&message), Err(WireError::Bound { .. })));
     // Two rows, and a list of 5000 structures of which no byte is there.
-    let goals = [b"SPGOAL02".as_slice(), &[2, 0x88, 0x27]].concat();
+    let goals = [b"SPGOAL03".as_slice(), &[2, 0x88, 0x27]].concat();
     assert!(
         goals::from_bytes(&goals, 2).unwrap_err().contains("the number of structures is 5000; at most 4096")
     );
@@ -199,7 +199,7 @@ proptest! {
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..15_u8) {
         let mut bytes = bytes;
         let _ = Message::from_bytes(&bytes);
-        let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL02", b"SPGOAL02", b"SPPLAN02", b"SPPRIC02"];
+        let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL02", b"SPGOAL03", b"SPPLAN02", b"SPPRIC02"];
         for magic in magics {
             let mut named = magic.to_vec();
             named.push(kind);

@@ -4,6 +4,7 @@
 
 mod bench;
 mod bladder;
+mod browser;
 mod case;
 mod delivered;
 mod identified;

@@ -14,7 +14,8 @@ use super::{stillpoint, text};
 const COARSE: [&str; 4] = ["--grid", "12mm", "--bixel", "20mm"];
 
 fn plan(folder: &Path, arguments: &[&str]) -> Value {
-    let arguments = [&["plan"], arguments, &COARSE, &["--doses", "doses", "--json"]].concat();
+    let accepted = ["--accept-check", "too coarse to judge"];
+    let arguments = [&["plan"], arguments, &COARSE, &["--doses", "doses", "--json"], &accepted[..]].concat();
     let out = stillpoint(folder, &arguments);
     assert!(out.status.success(), "{}", text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -66,6 +67,94 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     let ptv = reported["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
     assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");
     two_plans_stand_beside_each_other_and_others_are_refused(folder.path(), &reported);
+}
+
+/// A machine that needs a hundred times the monitor units.
+fn weak_machine() -> String {
+    let shipped = std::fs::read_to_string(super::root().join("stages/planning/plan/data/generic_6mv.json"));
+    let weak = shipped.unwrap().replace(r#""mu_per_weight":100.0"#, r#""mu_per_weight":10000.0"#);
+    assert!(weak.contains("10000.0"));
+    weak
+}
+
+#[test]
+fn a_plan_that_the_check_refuses_is_not_exported_unless_a_person_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("weak.json"), weak_machine()).unwrap();
+    let plan = |more: &[&str]| {
+        let fixed = ["plan", "--angles", "0,72,144,216,288", "--machine", "weak.json", "--out", "one"];
+        stillpoint(folder.path(), &[&fixed[..], &COARSE, more].concat())
+    };
+    let exported = |name: &str| folder.path().join("one").join(name).is_file();
+    let read = || {
+        let json = std::fs::read(folder.path().join("one/plan.json")).unwrap();
+        stillpoint_plan::plan_file::PlanFile::from_json(&json).unwrap().check.unwrap()
+    };
+    assert_eq!(plan(&["--accept-check", " "]).status.code(), Some(2));
+
+    let taken = plan(&["--accept-check", "a machine of a test"]);
+    assert!(taken.status.success(), "{}", text(&taken.stderr));
+    let check = read();
+    assert_eq!(check.accepted.as_deref(), Some("a machine of a test"));
+    assert!(check.faults.iter().any(|fault| fault.contains("monitor units for a fraction")), "{check:?}");
+    assert!(check.values.mu_per_cgy.unwrap() > check.bounds.mu_per_cgy, "{check:?}");
+    assert!(["rtplan.dcm", "rtdose.dcm", "rtstruct.dcm"].map(exported) == [true; 3]);
+
+    // A refused plan leaves no files of the plan before.
+    let refused = plan(&[]);
+    let output_text = text(&refused.stdout);
+    assert_eq!(refused.status.code(), Some(6), "{output_text}");
+    assert!(
+        output_text.contains("plan check: refused") && output_text.contains("--accept-check REASON"),
+        "{output_text}"
+    );
+    assert!(["rtplan.dcm", "rtdose.dcm", "rtstruct.dcm"].map(exported) == [false; 3]);
+    assert!(exported("plan.html") && read().accepted.is_none());
+}
+
+/// One fraction of 20 Gy to the pelvis of seed 0.
+fn single_fraction() -> Vec<u8> {
+    use stillpoint_patient::case::{CaseParts, Prescription, phantom, to_bytes};
+
+    let pelvis = phantom(0).unwrap();
+    let case = stillpoint_patient::case::Case::new(CaseParts {
+        name: "single".into(),
+        grid: *pelvis.grid(),
+        hu: pelvis.hu().to_vec(),
+        structures: pelvis.structures().to_vec(),
+        isocentre_mm: None,
+        prescription: vec![Prescription { structure: "PTV".into(), dose_gy: 20.0 }],
+        fractions: Some(1),
+        reference_dose_gy: None,
+        uids: None,
+        provenance: "a test".into(),
+    });
+    to_bytes(&case.unwrap()).unwrap().0
+}
+
+#[test]
+fn limits_for_fractions_of_2_gy_do_not_pass_for_one_of_20_gy() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("single.case"), single_fraction()).unwrap();
+    let own =
+        "name: own\nfraction: 1.7 to 2.3 Gy\nlimits:\n  - { structure: Rectum, limit: \"V50Gy[%] <= 50\" }\n";
+    std::fs::write(folder.path().join("own.yaml"), own).unwrap();
+    let asked = ["single.case", "--angles", "0,72,144,216,288", "--fluence-only", "--out", "one"];
+    let reported = plan(folder.path(), &asked);
+    assert!(reported["protocol"].is_null(), "{}", reported["protocol"]);
+    let page = std::fs::read_to_string(folder.path().join("one/plan.html")).unwrap();
+    assert!(page.contains("the protocol prostate is not applied") && page.contains("1 of 20.00 Gy"));
+    for stated in
+        ["20.00 Gy, 20.00 Gy a fraction", "isocentre, mm of the patient", "Objectives, in the order"]
+    {
+        assert!(page.contains(stated), "{stated}");
+    }
+    let refused = stillpoint(folder.path(), &[&["plan"][..], &asked, &["--protocol", "own.yaml"]].concat());
+    let output_text = text(&refused.stderr);
+    assert!(
+        refused.status.code() == Some(2) && output_text.contains("own.yaml: the limits of the protocol own"),
+        "{output_text}"
+    );
 }
 
 /// The operator `plan.optimizer` gives these bytes, too: `stages/planning/planner/tests/recipe.rs`.

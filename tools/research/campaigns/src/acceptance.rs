@@ -317,8 +317,9 @@ impl Loss {
             weights: best.weights_of(*beam).unwrap_or_default(),
         };
         let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
-        let found =
-            sequence(&plan.goals, &beams, collimator, best.cost, options).map_err(|e| e.to_string())?;
+        // Segments pay for no modulation, so they are compared by doses.
+        let planned = plan.goals.cost_of(&best.plan).map_err(|e| e.to_string())?;
+        let found = sequence(&plan.goals, &beams, collimator, planned, options).map_err(|e| e.to_string())?;
         let segments = || found.beams.iter().flatten().flat_map(|beam| &beam.segments);
         Ok(Self {
             case: name.to_owned(),
@@ -326,8 +327,8 @@ impl Loss {
             bixel_mm,
             segments: segments().count(),
             monitor_units: mu_per_weight * segments().map(|segment| segment.weight).sum::<f64>(),
-            opaque: found.opaque / best.cost - 1.0,
-            shaped: found.plan.certificate.objective / best.cost - 1.0,
+            opaque: found.opaque / planned - 1.0,
+            shaped: found.plan.certificate.objective / planned - 1.0,
         })
     }
 

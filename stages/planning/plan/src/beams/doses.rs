@@ -111,7 +111,8 @@ impl RingDoses {
 
 impl Influence for RingDoses {
     fn beam(&self, beam: u16) -> Setups<'_> {
-        Setups::new(self.setups(beam).iter().map(|dose| dose.beam.dose()).collect()).unwrap_or_default()
+        let setups = Setups::new(self.setups(beam).iter().map(|dose| dose.beam.dose()).collect());
+        setups.unwrap_or_default().placed(self.bixels_mm(beam))
     }
 }
 

@@ -28,13 +28,15 @@ impl Influence for [Rows] {
 
 impl Influence for [BeamFile] {
     fn beam(&self, beam: u16) -> Setups<'_> {
-        self[usize::from(beam)].dose().into()
+        let dose = &self[usize::from(beam)];
+        Setups::from(dose.dose()).placed(dose.bixels_mm())
     }
 }
 
 impl Influence for [CachedBeam] {
     fn beam(&self, beam: u16) -> Setups<'_> {
-        self[usize::from(beam)].beam.dose().into()
+        let dose = &self[usize::from(beam)].beam;
+        Setups::from(dose.dose()).placed(dose.bixels_mm())
     }
 }
 

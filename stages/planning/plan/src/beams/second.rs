@@ -63,11 +63,15 @@ impl SecondPlayer<'_> {
     /// # Errors
     /// Doses are of another grid than the goals.
     pub fn answer(&self, solved: &Evaluated) -> Result<(f64, Answer), GoalsError> {
-        let planned = solved.plan.certificate.objective;
         let mut dose = vec![0.0; self.still.rows()];
         for (voxel, gray) in self.all.voxels().iter().zip(&solved.plan.dose) {
             dose[*voxel as usize] = *gray;
         }
+        // Errors are compared by doses, which the modulation of the fluence is no part of.
+        let planned = match self.all.modulation() {
+            None => solved.plan.certificate.objective,
+            Some(_) => self.all.cost(&dose)?,
+        };
         let still = self.still.cost(&dose)?;
         let mut costs = Vec::with_capacity(self.doses.errors());
         for error in 0..self.doses.errors() {

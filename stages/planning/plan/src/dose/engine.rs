@@ -227,7 +227,8 @@ impl DoseEngine {
     /// An angle out of range.
     pub fn parts_outside(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<Vec<f64>, DoseError> {
         let sad_mm = self.machine.file().sad_mm;
-        let frame = BeamFrame::new(self.checked_angle(gantry_deg)?, self.position, self.isocentre_mm, sad_mm);
+        let isocentre_mm = std::array::from_fn(|axis| self.isocentre_mm[axis] - self.shift_mm[axis]);
+        let frame = BeamFrame::new(self.checked_angle(gantry_deg)?, self.position, isocentre_mm, sad_mm);
         let width_mm = self.params.bixels.width_mm;
         Ok(bixels_mm.iter().map(|bixel| self.outline.part_outside(&frame, *bixel, width_mm)).collect())
     }

@@ -1,8 +1,23 @@
 //! What given doses cost, without a problem to solve.
 
 use super::goals::{Goals, GoalsError, StructureObjectives};
+use super::plan::Plan;
 
 impl Goals {
+    /// What the doses of a plan cost, without the modulation of its fluence.
+    ///
+    /// # Errors
+    /// The plan is of other goals.
+    pub fn cost_of(&self, plan: &Plan) -> Result<f64, GoalsError> {
+        let (found, expected) = (plan.dose.len(), self.voxels().len());
+        if found != expected {
+            return Err(GoalsError::Grid { found, expected });
+        }
+        let mut dose = vec![0.0; self.rows()];
+        self.voxels().iter().zip(&plan.dose).for_each(|(voxel, gray)| dose[*voxel as usize] = *gray);
+        self.cost(&dose)
+    }
+
     /// The cost of doses that are there: one for each row of a dose matrix, Gy.
     ///
     /// # Errors

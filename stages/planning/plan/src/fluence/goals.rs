@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::dvh::DvhTerm;
+use super::modulation::Modulation;
 use super::problem::{Problem, ProblemError};
 use super::rows::Csr;
 use super::shapes::{Objective, Parts, Region};
@@ -107,6 +108,8 @@ pub struct Goals {
     row_of: Vec<u32>,
     /// Voxel of each row.
     voxels: Vec<u32>,
+    /// What uneven fluence costs.
+    modulation: Option<Modulation>,
 }
 
 /// The goals on some beams: a convex problem, and the DVH points that it lacks.
@@ -160,7 +163,21 @@ impl Goals {
         for (row, voxel) in needed.iter().enumerate() {
             row_of[*voxel as usize] = row as u32;
         }
-        Ok(Self { structures, row_of, voxels: needed })
+        Ok(Self { structures, row_of, voxels: needed, modulation: None })
+    }
+
+    /// The same goals, for which uneven fluence costs this, too.
+    ///
+    /// # Errors
+    /// A number is out of range.
+    pub fn modulated(self, modulation: Option<Modulation>) -> Result<Self, GoalsError> {
+        modulation.iter().try_for_each(Modulation::check)?;
+        Ok(Self { modulation, ..self })
+    }
+
+    /// What uneven fluence costs.
+    pub fn modulation(&self) -> Option<Modulation> {
+        self.modulation
     }
 
     /// Voxels that an objective needs, rising: rows of the problems are these, in this order.
@@ -201,6 +218,9 @@ impl Goals {
             for objective in &structure.objectives {
                 objective.add(region, &mut parts);
             }
+        }
+        if let Some(modulation) = &self.modulation {
+            modulation.add(beams, &mut parts);
         }
         let Parts { terms, dvh, regions, averages, .. } = parts;
         let convex = Problem::new(matrix, terms)?.with_regions(regions)?;

@@ -2,6 +2,8 @@
 //!
 //! - `shapes`: the shapes of objectives, one to a file, and their table; `text`: quantities in their text form
 //! - `goals`: the objectives of all structures, and the problem that they make of dose matrices
+//! - `modulation`: how uneven the fluence of a beam may be
+//! - `aim`: what the dose is like where an objective is fulfilled
 //! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
 //! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
 //! - `problem`: the one form that every objective comes to, with its errors
@@ -12,6 +14,7 @@
 //! - `certificate`: how far from the optimum a point is
 
 pub mod admm;
+mod aim;
 mod blocks;
 mod bounded;
 mod certificate;
@@ -23,6 +26,7 @@ mod dvh;
 mod goals;
 mod gram;
 mod line;
+mod modulation;
 mod newton;
 mod plan;
 mod problem;
@@ -32,8 +36,10 @@ mod shapes;
 mod text;
 mod voxels;
 
+pub use aim::Aim;
 pub use certificate::Certificate;
 pub use goals::{Goals, GoalsError, PlanProblem, StructureObjectives};
+pub use modulation::Modulation;
 pub use newton::{Options, Solution, solve};
 pub use plan::{Plan, solve as solve_plan};
 pub use problem::{Problem, ProblemError, Side, Term};

@@ -56,6 +56,9 @@ pub enum LeavesError {
     Rows(#[from] RowsError),
 }
 
+/// Part of the fluences above zero that are within the levels.
+const TOP: f64 = 0.95;
+
 /// Fluence by leaf pair and column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeafMap {
@@ -129,13 +132,18 @@ impl LeafMap {
         Ok(Some(Self { first_pair, first_column, columns, width_mm, fluence }))
     }
 
-    /// The map in levels, the highest fluence in `count` of them; each fluence goes to the nearest.
+    /// The map in levels; each fluence goes to the nearest. The fluence that [`TOP`] of those above zero do not exceed is
+    /// `count` of them, and what is above has as many: so one bixel does not set the unit of all others. Segments that are
+    /// added by price give it what it lacks.
     pub fn levels(&self, count: u32) -> Result<Levels, LeavesError> {
         if !(1..=1000).contains(&count) {
             return Err(LeavesError::Levels(count));
         }
-        let unit = self.fluence.iter().fold(0.0, |a, b| f64::max(a, *b)) / f64::from(count);
-        let level = |fluence: &f64| libm::round(fluence / unit) as u32;
+        let mut lit: Vec<f64> = self.fluence.iter().copied().filter(|fluence| *fluence > 0.0).collect();
+        lit.sort_by(f64::total_cmp);
+        let place = libm::ceil(TOP * lit.len() as f64) as usize;
+        let unit = lit.get(place.saturating_sub(1)).copied().unwrap_or(1.0) / f64::from(count);
+        let level = |fluence: &f64| (libm::round(fluence / unit).min(f64::from(count))) as u32;
         Ok(Levels { columns: self.columns, unit, levels: self.fluence.iter().map(level).collect() })
     }
 

@@ -24,7 +24,8 @@ pub fn steepest(
     bixels_mm: &[[f64; 2]],
     slopes: &[f64],
 ) -> Option<(f64, Shape)> {
-    let mut on_map = vec![0.0; map.fluence.len()];
+    // Where there is no bixel there is no dose to judge a fluence by: no opening goes over such a place.
+    let mut on_map = vec![f64::INFINITY; map.fluence.len()];
     let half = 0.5 * map.width_mm;
     for ([x, z], slope) in bixels_mm.iter().zip(slopes) {
         let column = libm::round(x / map.width_mm) as i64 - map.first_column;
@@ -32,7 +33,10 @@ pub fn steepest(
         for pair in 0..map.pairs() {
             let part =
                 overlap(collimator.pair_mm(map.first_pair + pair), [z - half, z + half]) / map.width_mm;
-            on_map[pair * map.columns + column] += part * slope;
+            let sum = &mut on_map[pair * map.columns + column];
+            if part > 0.0 {
+                *sum = part * slope + if sum.is_finite() { *sum } else { 0.0 };
+            }
         }
     }
     let rows: Vec<(f64, [usize; 2])> = on_map.chunks(map.columns).map(least_sum).collect();

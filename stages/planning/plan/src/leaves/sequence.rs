@@ -23,6 +23,9 @@ pub struct FluenceBeam<'a> {
     pub weights: &'a [f64],
 }
 
+/// Steps in which segments that are too light are left out.
+const THINNING: u32 = 4;
+
 /// How fluences are sequenced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeafOptions {
@@ -82,36 +85,54 @@ pub fn sequence(
     let closed = Collimator { transmission: 0.0, ..collimator.clone() };
     let mut plan = solved(goals, &mut growing, &closed)?;
     let divided = plan.certificate.objective;
-    let mut added = 0;
-    while plan.certificate.objective > (1.0 + options.loss) * objective {
-        let before = plan.certificate.objective;
-        let mut grown = 0;
-        for beam in growing.iter_mut().flatten() {
-            grown += usize::from(beam.grow(goals, &plan, &closed, options.most_segments));
-        }
-        if grown == 0 {
-            break;
-        }
-        added += grown;
-        plan = solved(goals, &mut growing, &closed)?;
-        if plan.certificate.objective > before * (1.0 - 1e-4) {
-            break;
-        }
-    }
+    let most = (1.0 + options.loss) * objective;
+    let mut added = grown(goals, &mut growing, &mut plan, (&closed, most), options.most_segments)?;
     let opaque = plan.certificate.objective;
     growing.iter_mut().flatten().for_each(|beam| {
         beam.thin(0.0);
     });
     if collimator.transmission > 0.0 {
         plan = solved(goals, &mut growing, collimator)?;
+        added += grown(goals, &mut growing, &mut plan, (collimator, most), options.most_segments)?;
     }
-    // Each round leaves at least one segment out, so it ends.
-    while growing.iter_mut().flatten().map(|beam| beam.thin(options.least_weight)).sum::<usize>() > 0 {
-        plan = solved(goals, &mut growing, collimator)?;
+    // The lightest go first: what they gave goes to those that are nearly as light, and these may then stay. Each round leaves
+    // at least one segment out, so it ends.
+    for step in 1..=THINNING {
+        let least = options.least_weight * f64::from(step) / f64::from(THINNING);
+        while growing.iter_mut().flatten().map(|beam| beam.thin(least)).sum::<usize>() > 0 {
+            plan = solved(goals, &mut growing, collimator)?;
+        }
     }
     let beams =
         growing.iter().map(|beam| LeafBeam::new(collimator, &beam.as_ref()?.map, &beam.as_ref()?.shapes));
     Ok(Sequenced { beams: beams.collect(), plan, divided, opaque, added })
+}
+
+/// Adds segments by price until the objective is at most `most`, or until that brings nothing; says how many.
+fn grown(
+    goals: &Goals,
+    growing: &mut [Option<Growing<'_>>],
+    plan: &mut Plan,
+    (collimator, most): (&Collimator, f64),
+    most_segments: usize,
+) -> Result<usize, LeavesError> {
+    let mut added = 0;
+    while plan.certificate.objective > most {
+        let before = plan.certificate.objective;
+        let mut now = 0;
+        for beam in growing.iter_mut().flatten() {
+            now += usize::from(beam.grow(goals, plan, collimator, most_segments));
+        }
+        if now == 0 {
+            break;
+        }
+        added += now;
+        *plan = solved(goals, growing, collimator)?;
+        if plan.certificate.objective > before * (1.0 - 1e-4) {
+            break;
+        }
+    }
+    Ok(added)
 }
 
 impl<'a> Growing<'a> {

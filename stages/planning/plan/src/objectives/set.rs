@@ -3,7 +3,9 @@
 use thiserror::Error;
 
 use super::table::ObjectiveTable;
-use crate::fluence::{Dose, Goals, GoalsError, Objective, ObjectiveSpec, StructureObjectives, StructurePart};
+use crate::fluence::{
+    Dose, Goals, GoalsError, Modulation, Objective, ObjectiveSpec, StructureObjectives, StructurePart,
+};
 use crate::sampling::{Points, Sampling};
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, Role, Structure};
@@ -21,6 +23,8 @@ pub struct ObjectiveSet {
     followed: Vec<u32>,
     /// Rows of a dose matrix.
     pub(super) rows: usize,
+    /// What uneven fluence costs.
+    pub modulation: Option<Modulation>,
 }
 
 /// Why a table gives a case no objectives.
@@ -76,10 +80,11 @@ impl ObjectiveTable {
         followed.dedup();
         let mut set = ObjectiveSet {
             structures: Vec::new(),
-            notes: Vec::new(),
+            notes: self.unused(case),
             moves: Vec::new(),
             followed,
             rows: sampling.rows(),
+            modulation: self.modulation,
         };
         let mut taken = vec![false; sampling.grid().len()];
         for (place, structure) in order {
@@ -150,7 +155,7 @@ impl ObjectiveSet {
                 structures.push(StructureObjectives { voxels, objectives, ..structure.clone() });
             }
         }
-        Ok(Goals::new(structures, setups * self.rows)?)
+        Ok(Goals::new(structures, setups * self.rows)?.modulated(self.modulation)?)
     }
 
     /// The goals of one set-up in two parts, whose objectives add up to that of `goals(1)`: of structures that are followed
@@ -313,6 +318,26 @@ mod tests {
             entry.voxels.len()
         );
         assert!(matches!(entry.objectives[..], [Objective::Overdose(Overdose { dose: 39.0, .. })]));
+    }
+
+    #[test]
+    fn a_line_that_counts_for_nothing_is_said_with_its_cause() {
+        let (case, shipped) = set_of_phantom();
+        assert_eq!(shipped.notes, Vec::<String>::new(), "the shipped table has lines for other sites");
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [
+            {"match": ["Rectum"], "wanted": []}, {"match": ["Rectun"], "wanted": []},
+            {"match": ["rect*"], "role": "organ", "wanted": []}]}"#;
+        let own = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
+        let notes = own.for_case(&case, &grid).unwrap().notes;
+        assert_eq!(notes.len(), 2, "{notes:?}");
+        assert!(
+            notes[0].starts_with("line 2 of the objectives (match: Rectun) counts for nothing: no structure")
+        );
+        assert!(
+            notes[1].contains("(match: rect*, role: organ)")
+                && notes[1].ends_with("a line before it takes Rectum")
+        );
     }
 
     #[test]

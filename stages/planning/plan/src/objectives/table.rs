@@ -3,8 +3,8 @@
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::fluence::ObjectiveSpec;
-use stillpoint_patient::case::{Role, name_fits};
+use crate::fluence::{Modulation, ObjectiveSpec};
+use stillpoint_patient::case::{Case, Role, Structure, name_fits};
 
 const SHIPPED: &str = include_str!("../../data/objectives.json");
 
@@ -12,6 +12,10 @@ const SHIPPED: &str = include_str!("../../data/objectives.json");
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectiveTable {
     pub(super) lines: Vec<TableLine>,
+    /// How many of them, from the first, are not those that come with stillpoint.
+    own: usize,
+    /// What uneven fluence costs; nothing where the table does not say.
+    pub modulation: Option<Modulation>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -30,6 +34,8 @@ pub(super) struct TableLine {
 #[serde(deny_unknown_fields)]
 struct Table {
     objectives: Vec<TableLine>,
+    #[serde(default)]
+    modulation: Option<Modulation>,
 }
 
 /// Why a text is no table of objectives.
@@ -48,12 +54,12 @@ pub enum TableError {
 impl ObjectiveTable {
     /// The table that stillpoint ships.
     pub fn shipped() -> Result<Self, TableError> {
-        Self::parse(SHIPPED)
+        Ok(Self { own: 0, ..Self::parse(SHIPPED)? })
     }
 
     /// The table in this JSON text.
     pub fn parse(text: &str) -> Result<Self, TableError> {
-        let Table { objectives: lines } = serde_json::from_str(text)?;
+        let Table { objectives: lines, modulation } = serde_json::from_str(text)?;
         let empty = |line: &TableLine| match &line.patterns {
             Some(patterns) => {
                 patterns.is_empty() || patterns.iter().any(|p| !p.contains(char::is_alphanumeric))
@@ -62,23 +68,58 @@ impl ObjectiveTable {
         };
         match lines.iter().position(empty) {
             Some(index) => Err(TableError::Line(index + 1)),
-            None => Ok(Self { lines }),
+            None => Ok(Self { own: lines.len(), lines, modulation }),
         }
     }
 
-    /// This table, with `later` for the structures that it does not match.
+    /// This table, with `later` for the structures that it does not match, and for the modulation where it has none.
     pub fn before(mut self, later: Self) -> Self {
         self.lines.extend(later.lines);
+        self.modulation = self.modulation.or(later.modulation);
         self
     }
 
     /// The objectives of the first line that matches; none if no line does.
     pub(super) fn find(&self, name: &str, role: Role) -> &[ObjectiveSpec] {
-        let fits = |line: &&TableLine| {
-            line.role.is_none_or(|r| r == role)
-                && line.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
-        };
-        self.lines.iter().find(fits).map_or(&[], |line| &line.specs)
+        self.lines.iter().find(|line| line.fits(name, role)).map_or(&[], |line| &line.specs)
+    }
+
+    /// Says of each line that does not come with stillpoint and counts for no structure of a case why it does not.
+    pub(super) fn unused(&self, case: &Case) -> Vec<String> {
+        let mut warning = Vec::new();
+        for (number, line) in self.lines.iter().take(self.own).enumerate() {
+            let fitting = || case.structures().iter().filter(|s| line.fits(&s.name, s.role));
+            let is_first = |s: &Structure| !self.lines[..number].iter().any(|l| l.fits(&s.name, s.role));
+            if fitting().any(is_first) {
+                continue;
+            }
+            let why = match fitting().next() {
+                Some(structure) => format!("a line before it takes {}", structure.name),
+                None => {
+                    let names: Vec<&str> = case.structures().iter().map(|s| s.name.as_str()).collect();
+                    format!("no structure of the case fits (there are {})", names.join(", "))
+                }
+            };
+            warning.push(format!("line {} of the objectives ({line}) counts for nothing: {why}", number + 1));
+        }
+        warning
+    }
+}
+
+impl TableLine {
+    fn fits(&self, name: &str, role: Role) -> bool {
+        self.role.is_none_or(|r| r == role)
+            && self.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
+    }
+}
+
+impl std::fmt::Display for TableLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let patterns = self.patterns.as_ref().map(|patterns| format!("match: {}", patterns.join(", ")));
+        let word =
+            |role: Role| serde_json::to_value(role).ok().and_then(|word| Some(word.as_str()?.to_owned()));
+        let role = self.role.and_then(word).map(|role| format!("role: {role}"));
+        f.write_str(&patterns.into_iter().chain(role).collect::<Vec<_>>().join(", "))
     }
 }
 

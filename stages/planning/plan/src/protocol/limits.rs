@@ -15,6 +15,8 @@ use stillpoint_patient::case::{Case, Role, Structure, name_fits};
 pub struct Protocol {
     /// Its name.
     pub name: String,
+    /// Doses of a fraction of the highest prescription for which its limits hold, gray; nothing where it does not say.
+    pub fraction_gy: Option<[f64; 2]>,
     /// Its limits.
     pub limits: Vec<Limit>,
 }
@@ -22,10 +24,10 @@ pub struct Protocol {
 /// A limit of one quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limit {
-    of: Of,
-    metric: Metric,
-    side: Side,
-    bound: f64,
+    pub(super) of: Of,
+    pub(super) metric: Metric,
+    pub(super) side: Side,
+    pub(super) bound: f64,
     text: String,
     source: String,
 }
@@ -50,7 +52,7 @@ pub enum Of {
 
 /// On which side of the bound a plan keeps the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+pub(super) enum Side {
     AtMost,
     AtLeast,
 }
@@ -129,7 +131,7 @@ impl Display for Limit {
 }
 
 impl Of {
-    fn takes(&self, case: &Case, structure: &Structure, highest_gy: f64) -> bool {
+    pub(super) fn takes(&self, case: &Case, structure: &Structure, highest_gy: f64) -> bool {
         let prescribed = || prescribed_gy(case, structure);
         match self {
             Self::Structure { name, patterns } => {
@@ -152,7 +154,43 @@ impl Of {
     }
 }
 
+/// Whether the limits of a protocol hold for the fractions of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fractionation {
+    /// They do.
+    Holds,
+    /// It is not known, for the reason in words: limits are compared, and people are told.
+    Unknown(String),
+    /// They do not, for the reason in words: they are not compared.
+    Other(String),
+}
+
 impl Protocol {
+    /// Whether its limits hold for the fractions of a case.
+    pub fn fractionation(&self, case: &Case) -> Fractionation {
+        let name = &self.name;
+        let Some([least, most]) = self.fraction_gy else {
+            return Fractionation::Unknown(format!(
+                "the protocol {name} does not state the doses of a fraction for which its limits hold (`fraction: 1.7 to 2.3 Gy`)"
+            ));
+        };
+        let highest_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        let Some(fractions) = case.fractions().filter(|_| highest_gy > 0.0) else {
+            return Fractionation::Unknown(format!(
+                "the limits of the protocol {name} hold for fractions of {least} to {most} Gy; the case does not state its \
+                 fractions"
+            ));
+        };
+        let each_gy = highest_gy / f64::from(fractions);
+        match (least..=most).contains(&each_gy) {
+            true => Fractionation::Holds,
+            false => Fractionation::Other(format!(
+                "the limits of the protocol {name} hold for fractions of {least} to {most} Gy, and the case has {fractions} of \
+                 {each_gy:.2} Gy; give limits for this fractionation"
+            )),
+        }
+    }
+
     /// Every limit beside what the dose of a plan gives, in the order of the protocol.
     pub fn judge(&self, case: &Case, dose: &Evaluation<'_>) -> Vec<Judged> {
         let figures = dose.figures(&[]);
@@ -215,6 +253,7 @@ mod tests {
             |name: &str, pattern: &str| Of::Structure { name: name.into(), patterns: vec![pattern.into()] };
         let protocol = Protocol {
             name: "test".into(),
+            fraction_gy: None,
             limits: vec![
                 limit(Of::EachTarget, "D50%[%]  >= 95"),
                 limit(Of::HighestTarget, "Paddick >= 0.8"),
@@ -240,6 +279,17 @@ mod tests {
         );
         assert_eq!((judged[0].limit.as_str(), judged[0].value), ("D50%[%] >= 95", Some(100.0)));
         assert_eq!((judged[2].value, judged[5].value), (Some(100.0), Some(50.0)));
+    }
+
+    #[test]
+    fn limits_for_fractions_of_2_gy_do_not_hold_for_one_of_20_gy() {
+        let case = phantom(0).unwrap();
+        let of =
+            |fraction_gy| Protocol { name: "test".into(), fraction_gy, limits: vec![] }.fractionation(&case);
+        assert_eq!(of(Some([1.7, 2.3])), Fractionation::Holds, "78 Gy in 39 fractions");
+        let Fractionation::Other(why) = of(Some([15.0, 25.0])) else { panic!("2 Gy are not 15 to 25 Gy") };
+        assert!(why.contains("fractions of 15 to 25 Gy, and the case has 39 of 2.00 Gy"), "{why}");
+        assert!(matches!(of(None), Fractionation::Unknown(why) if why.contains("does not state")));
     }
 
     #[test]

@@ -13,9 +13,12 @@
 //!
 //! - `metric`: what a limit is on, as text and as a number of a dose
 //! - `limits`: limits, and a plan beside them
+//! - `serve`: which objective serves a limit
 
 mod limits;
 mod metric;
+mod serve;
 
-pub use limits::{Judged, Limit, LimitError, Of, Protocol};
+pub use limits::{Fractionation, Judged, Limit, LimitError, Of, Protocol};
 pub use metric::{Metric, MetricError, Subject};
+pub use serve::Served;

@@ -18,7 +18,9 @@
 //! - `doses`: the doses of the beams of a set-up
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
 //! - `plan`: all of it in one call
+//! - `delivery`: the check of a plan before it leaves
 
+mod delivery;
 mod doses;
 mod name;
 mod plan;
@@ -27,6 +29,7 @@ mod search;
 mod setup;
 mod spec;
 
+pub use delivery::Delivery;
 pub use doses::PlanDoses;
 pub use name::{MethodName, PriorName, UnknownName};
 pub use plan::{PlanError, Planned, plan};

@@ -8,6 +8,7 @@ use crate::beams::RingError;
 use crate::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, MachineError};
 use crate::fluence::Goals;
 use crate::objectives::{ObjectiveSet, ObjectiveSetError, TableError};
+use crate::protocol::Served;
 use crate::sampling::Sampling;
 
 /// A case made ready for plans with the parameters of a [`SetupSpec`].
@@ -22,6 +23,8 @@ pub struct PlanSetup {
     pub sampling: Sampling,
     /// The objectives of each structure in gray, on the points that count for it.
     pub objective_set: ObjectiveSet,
+    /// Which objective serves each limit of the protocol.
+    pub served: Vec<Served>,
     /// The same as plans are solved for: over all set-ups, or in the robust game for the planned set-up.
     pub goals: Goals,
     /// The goals of the robust game in two parts: of what moves with the patient, and of what counts as planned.
@@ -87,7 +90,11 @@ impl PlanSetup {
         let over = DoseParams::over(case.grid(), spec.grid_mm);
         let params = DoseParams { grid: *sampling.grid(), bixels, ..over };
         let engine = sampling.engine(&DoseEngine::of_case(&case, spec.machine.clone(), params)?);
-        let objective_set = spec.objectives.for_points(&case, &sampling)?;
+        let mut objective_set = spec.objectives.for_points(&case, &sampling)?;
+        let served = match &spec.protocol {
+            Some(protocol) => protocol.serve(&case, &mut objective_set.structures),
+            None => Vec::new(),
+        };
         let is_game = spec.robust_by == RobustBy::Worst;
         let goals = objective_set.goals(if is_game { 1 } else { 1 + spec.errors_mm.len() })?;
         let parts = is_game.then(|| objective_set.parts()).transpose()?;
@@ -99,7 +106,7 @@ impl PlanSetup {
             }
         }
         engines.insert(0, engine);
-        Ok(Self { case, hash, spec, sampling, objective_set, goals, parts, engines })
+        Ok(Self { case, hash, spec, sampling, objective_set, served, goals, parts, engines })
     }
 
     /// The engine of the points in the planned set-up.

@@ -6,6 +6,7 @@ use super::setup::SetupError;
 use crate::beams::{Ring, RingError};
 use crate::dose::Machine;
 use crate::objectives::ObjectiveTable;
+use crate::protocol::Protocol;
 
 /// Angles of the ring, 4 degrees apart, and the steps that beams keep from each other: 20 degrees.
 const RING: (u16, u16) = (90, 5);
@@ -19,6 +20,8 @@ const LARGEST_MM: f64 = 50.0;
 pub struct SetupSpec {
     /// The objectives.
     pub objectives: ObjectiveTable,
+    /// Limits that the objectives aim at, too: those that no objective serves get one.
+    pub protocol: Option<Protocol>,
     /// The machine.
     pub machine: Machine,
     /// Spacing of the points whose dose is optimised, mm.
@@ -72,6 +75,7 @@ impl SetupSpec {
         let (count, gap) = RING;
         Ok(Self {
             objectives: ObjectiveTable::shipped()?,
+            protocol: None,
             machine: Machine::shipped()?,
             grid_mm: 5.0,
             bixel_mm: 10.0,

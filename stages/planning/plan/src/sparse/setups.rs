@@ -5,11 +5,15 @@ use super::rows::RowsRef;
 /// Matrices of one beam on one grid, one for each set-up, one above the other: row `s n + v` is voxel `v` of the grid's `n`
 /// in set-up `s`. They stay where they lie.
 #[derive(Clone, Debug, Default)]
-pub struct Setups<'a>(Vec<RowsRef<'a>>);
+pub struct Setups<'a> {
+    matrices: Vec<RowsRef<'a>>,
+    /// Centres of the bixels on the isocentre plane, mm; none where columns are no bixels, or their places are not known.
+    bixels_mm: &'a [[f64; 2]],
+}
 
 impl<'a> From<RowsRef<'a>> for Setups<'a> {
     fn from(only: RowsRef<'a>) -> Self {
-        Self(vec![only])
+        Self { matrices: vec![only], bixels_mm: &[] }
     }
 }
 
@@ -18,31 +22,43 @@ impl<'a> Setups<'a> {
     pub fn new(matrices: Vec<RowsRef<'a>>) -> Option<Self> {
         let alike =
             |pair: &[RowsRef<'_>]| pair[0].rows() == pair[1].rows() && pair[0].columns == pair[1].columns;
-        matrices.windows(2).all(alike).then_some(Self(matrices))
+        matrices.windows(2).all(alike).then_some(Self { matrices, bixels_mm: &[] })
+    }
+
+    /// The same with the centres of its bixels, mm, one for each column; places that are not as many are left out.
+    #[must_use]
+    pub fn placed(self, bixels_mm: &'a [[f64; 2]]) -> Self {
+        let bixels_mm = if bixels_mm.len() == self.columns() { bixels_mm } else { &[] };
+        Self { bixels_mm, ..self }
+    }
+
+    /// Centres of the bixels, mm, or none.
+    pub fn bixels_mm(&self) -> &'a [[f64; 2]] {
+        self.bixels_mm
     }
 
     /// Number of rows, over all set-ups.
     pub fn rows(&self) -> usize {
-        self.0.iter().map(RowsRef::rows).sum()
+        self.matrices.iter().map(RowsRef::rows).sum()
     }
 
     /// Number of columns: bixels of the beam.
     pub fn columns(&self) -> usize {
-        self.0.first().map_or(0, |first| first.columns)
+        self.matrices.first().map_or(0, |first| first.columns)
     }
 
     /// The matrix of the first set-up: the planned one.
     pub fn planned(&self) -> Option<RowsRef<'a>> {
-        self.0.first().copied()
+        self.matrices.first().copied()
     }
 
     /// Columns and values of a row.
     #[inline]
     pub fn row(&self, row: usize) -> (&'a [u16], &'a [f32]) {
-        if self.0.len() == 1 {
-            return self.0[0].row(row);
+        if self.matrices.len() == 1 {
+            return self.matrices[0].row(row);
         }
-        let each = self.0[0].rows();
-        self.0[row / each].row(row % each)
+        let each = self.matrices[0].rows();
+        self.matrices[row / each].row(row % each)
     }
 }

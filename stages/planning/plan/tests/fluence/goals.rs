@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 use stillpoint_plan::fluence::{
     Bound, DvhAtLeast, DvhAtMost, FallOff, Geud, Goals, GoalsError, Homogeneity, MeanAtLeast, MeanDose,
-    Objective, Options, Overdose, Plan, StructureObjectives, Underdose, solve_plan,
+    Modulation, Objective, Options, Overdose, Plan, StructureObjectives, Underdose, solve_plan,
 };
-use stillpoint_plan::{Csc, Rows};
+use stillpoint_plan::{Csc, Rows, Setups};
 
 const VOXELS: usize = 12;
 
@@ -315,4 +315,95 @@ fn a_rough_start_ends_at_the_same_plan() {
     assert!(a.relative_excess() < 1e-8 && b.relative_excess() < 1e-8, "{a:?} {b:?}");
     assert!((a.objective - b.objective).abs() <= 1e-7 * b.objective, "{a:?} {b:?}");
     assert_ne!(rough.steps, plain.steps, "both began alike");
+}
+
+/// Two rows of three bixels of 10 mm.
+const PLACES: [[f64; 2]; 6] = [[0.0, 0.0], [0.0, 10.0], [10.0, 0.0], [10.0, 10.0], [20.0, 0.0], [20.0, 10.0]];
+const PAIRS: [[usize; 2]; 7] = [[0, 1], [2, 3], [4, 5], [0, 2], [2, 4], [1, 3], [3, 5]];
+
+/// What uneven weights cost, written down once more.
+fn unevenness(modulation: Modulation, weights: &[f64]) -> f64 {
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    let steps: f64 = PAIRS.iter().map(|[i, j]| (weights[*i] - weights[*j]).powi(2)).sum();
+    let peaks: f64 = weights.iter().map(|w| (w - modulation.times_mean * mean).max(0.0).powi(2)).sum();
+    (modulation.neighbours * steps + modulation.peaks * peaks) / weights.len() as f64
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn uneven_fluence_costs_by_its_formula_and_the_optimum_is_proved(
+        values in prop::collection::vec(0.0_f32..2.0, 6 * VOXELS),
+        other in prop::collection::vec(0.0..60.0, 6),
+        neighbours in 0.01..10.0, peaks in 0.1..100.0, times_mean in 1.0..5.0,
+    ) {
+        let modulation = Modulation { neighbours, peaks, times_mean };
+        let requested = requested([
+            vec![Underdose { dose: 60.0, weight: 10.0 }.into(), Overdose { dose: 62.0, weight: 10.0 }.into()],
+            vec![Overdose { dose: 15.0, weight: 2.0 }.into()],
+        ]);
+        let matrix = matrix(&values);
+        let rows = Rows::from_columns(matrix.view()).unwrap();
+        let goals = Goals::new(requested.clone(), VOXELS).unwrap().modulated(Some(modulation)).unwrap();
+        let problem = goals.problem(&[Setups::from(rows.view()).placed(&PLACES)]).unwrap();
+        let plan = solve_plan(&problem, None, Options::default()).unwrap();
+        let objective = |weights: &[f64]| cost(&requested, &dose(&matrix, weights)) + unevenness(modulation, weights);
+        let ours = objective(&plan.weights);
+        // The rows of means are rounded to 24 bits.
+        prop_assert!((plan.certificate.objective - ours).abs() <= 1e-5 * (1.0 + ours), "{ours} {:?}", plan.certificate);
+        prop_assert!(plan.certificate.relative_excess() <= 1e-6, "{:?}", plan.certificate);
+        prop_assert!(plan.certificate.kkt < 1e-5, "{:?}", plan.certificate);
+        let of_doses = goals.cost_of(&plan).unwrap();
+        prop_assert!((of_doses - cost(&requested, &dose(&matrix, &plan.weights))).abs() < 1e-9 * (1.0 + of_doses));
+        // No other weights are better than the certificate allows, near or far.
+        let bound = plan.certificate.excess + 1e-5 * (1.0 + ours);
+        prop_assert!(objective(&other) >= ours - bound);
+        for j in 0..6 {
+            for step in [-0.1, 0.1] {
+                let mut near = plan.weights.clone();
+                near[j] = (near[j] + step * (1.0 + near[j])).max(0.0);
+                prop_assert!(objective(&near) >= ours - bound, "{j} {step}");
+            }
+        }
+    }
+}
+
+/// A bixel that gives the target next to nothing may carry any weight where only doses cost.
+#[test]
+fn a_bixel_that_gives_little_does_not_carry_the_beam() {
+    let mut values = vec![0.0_f32; 6 * VOXELS];
+    for (column, voxel) in [(0, 0), (1, 1), (2, 2), (3, 3), (4, 4)] {
+        values[column * VOXELS + voxel] = 1.0;
+    }
+    // The last voxel of the target gets dose of the last bixel alone, a hundredth of that of the others.
+    values[5 * VOXELS + 5] = 0.01;
+    let requested = requested([
+        vec![Underdose { dose: 60.0, weight: 10.0 }.into(), Overdose { dose: 62.0, weight: 10.0 }.into()],
+        vec![],
+    ]);
+    let matrix = matrix(&values);
+    let rows = Rows::from_columns(matrix.view()).unwrap();
+    let heaviest = |modulation: Option<Modulation>| {
+        let goals = Goals::new(requested.clone(), VOXELS).unwrap().modulated(modulation).unwrap();
+        let problem = goals.problem(&[Setups::from(rows.view()).placed(&PLACES)]).unwrap();
+        let plan = solve_plan(&problem, None, Options::default()).unwrap();
+        plan.weights.iter().fold(0.0, |a, b| f64::max(a, *b))
+    };
+    let shipped = stillpoint_plan::objectives::ObjectiveTable::shipped().unwrap().modulation;
+    assert!(heaviest(None) > 5000.0, "a hundred medians");
+    assert!(shipped.is_some() && heaviest(shipped) < 600.0, "{}", heaviest(shipped));
+}
+
+#[test]
+fn a_modulation_that_cannot_be_is_refused() {
+    let goals = || Goals::new(vec![], 3).unwrap();
+    let good = Modulation { neighbours: 1.0, peaks: 1.0, times_mean: 4.0 };
+    assert!(goals().modulated(Some(good)).is_ok());
+    for bad in [
+        Modulation { neighbours: -1.0, ..good },
+        Modulation { peaks: f64::NAN, ..good },
+        Modulation { times_mean: 0.5, ..good },
+    ] {
+        assert!(matches!(goals().modulated(Some(bad)), Err(GoalsError::Number { .. })), "{bad:?}");
+    }
 }

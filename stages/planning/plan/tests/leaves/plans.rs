@@ -25,7 +25,12 @@ fn sequenced(planned: &Planned, collimator: &Collimator, options: LeafOptions) -
         weights: best.weights_of(*beam).unwrap(),
     };
     let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
-    sequence(&planned.setup.goals, &beams, collimator, best.cost, options).unwrap()
+    sequence(&planned.setup.goals, &beams, collimator, of_doses(planned), options).unwrap()
+}
+
+/// What the doses of the fluence cost: segments pay for no modulation.
+fn of_doses(planned: &Planned) -> f64 {
+    planned.setup.goals.cost_of(&planned.best().plan).unwrap()
 }
 
 fn segments(sequenced: &Sequenced) -> usize {
@@ -40,7 +45,7 @@ fn leaves_of_seeds() {
         let planned = planned(seed, &FIVE_DEG, [5.0, 10.0]);
         let found = sequenced(&planned, &Collimator::generic(), OPTIONS);
         let [opaque, all] = [found.opaque, found.plan.certificate.objective]
-            .map(|cost| 100.0 * (cost / planned.best().cost - 1.0));
+            .map(|cost| 100.0 * (cost / of_doses(&planned) - 1.0));
         println!("seed {seed}: {} segments, {opaque:.2} %, {all:.2} %", segments(&found));
         assert!(opaque < 3.0, "seed {seed}: {opaque} %");
     }
@@ -52,10 +57,11 @@ const FIVE_DEG: [f64; 5] = [44.0, 92.0, 120.0, 252.0, 336.0];
 #[test]
 fn leaves_cost_little_and_a_little_more_with_transmission() {
     let planned = planned(1, &FIVE_DEG, [10.0, 10.0]);
-    let loss = |cost: f64| cost / planned.best().cost - 1.0;
+    let loss = |cost: f64| cost / of_doses(&planned) - 1.0;
     let collimator = Collimator::generic();
     let found = sequenced(&planned, &collimator, OPTIONS);
-    assert!((0.0..0.03).contains(&loss(found.opaque)), "{}", loss(found.opaque));
+    // Segments may cost a little less than a fluence that pays for its modulation.
+    assert!((-0.03..0.03).contains(&loss(found.opaque)), "{}", loss(found.opaque));
     let with_transmission = loss(found.plan.certificate.objective);
     assert!((loss(found.opaque)..0.06).contains(&with_transmission), "{with_transmission}");
     assert!((10..=150).contains(&segments(&found)), "{} segments", segments(&found));

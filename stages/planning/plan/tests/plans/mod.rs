@@ -1,4 +1,5 @@
 //! Whole plans: what is wanted, doses, fluence, figures.
 
+mod checked;
 mod published;
 mod setups;

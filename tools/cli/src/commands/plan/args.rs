@@ -62,8 +62,8 @@ pub struct PlanArgs {
     /// JSON table of objectives; its entries take precedence over the built-in table.
     #[arg(long, value_name = "FILE")]
     pub(super) objectives: Option<PathBuf>,
-    /// YAML file of limits that the plan is compared with. Default: the built-in protocol of the site of the case, prostate or
-    /// head and neck.
+    /// YAML file of limits that the plan aims at and is compared with: a limit that no objective serves gets one. Default: the
+    /// built-in protocol of the site of the case, prostate or head and neck.
     #[arg(long, value_name = "FILE")]
     pub(super) protocol: Option<PathBuf>,
     /// Machine file; the default is the built-in generic 6 MV machine.
@@ -85,6 +85,10 @@ pub struct PlanArgs {
     /// Let bixels miss the patient, up to this length from the edge, for targets at the skin.
     #[arg(long, value_name = "LENGTH", conflicts_with = "body_margin")]
     pub(super) flash: Option<String>,
+    /// Export a plan that the plan check refuses, for this reason, after a person has looked at the plan. plan.json records the
+    /// reason. Without it, a refused plan has no DICOM files, and the command exits with 6.
+    #[arg(long, value_name = "REASON")]
+    pub(super) accept_check: Option<String>,
     /// Output folder; the default is `plans/CASE`.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,

@@ -60,6 +60,13 @@ pub fn write(
         files.push(folder.put(&format!("{}.png", plane.name()), &png)?);
     }
     files.push(folder.put("plan.html", page::page(request, prepared, outcome)?.as_bytes())?);
+    if outcome.is_refused(request) {
+        // Those of a plan before in this folder are of another plan.
+        for name in ["rtplan.dcm", "rtdose.dcm", "rtstruct.dcm"] {
+            folder.remove(name)?;
+        }
+        return Ok(files);
+    }
     let export::Files { plan, dose, structures } =
         export::dicom(request, prepared, outcome).map_err(Failure::failed)?;
     files.push(folder.put("rtplan.dcm", &plan.bytes)?);
@@ -75,6 +82,17 @@ struct Folder<'a> {
 }
 
 impl Folder<'_> {
+    /// Removes a file, if it is there.
+    fn remove(&self, name: &str) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                Err(Failure::failed(format!("{}: {e}", path.display())))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Writes a file as a whole; it is the user's own, since with `--keep-identity` it can name a person.
     fn put(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
         let path = self.path.join(name);

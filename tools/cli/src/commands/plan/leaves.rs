@@ -18,6 +18,8 @@ use stillpoint_plan::recipe::PlanRun;
 pub struct Leaves<'a> {
     /// The segments.
     pub sequenced: Sequenced,
+    /// What the doses of the fluence cost that they stand for.
+    planned: f64,
     /// What passes them.
     pub fluences: Vec<BeamFluence>,
     /// Their dose, gray.
@@ -59,7 +61,9 @@ impl<'a> Leaves<'a> {
             least_weight: collimator.least_mu / mu_per_weight,
             ..LeafOptions::PLAN
         };
-        let sequenced = sequence(&request.setup.goals, &beams, collimator, best.solved_cost(), options);
+        // Segments have no modulation to pay for, so they are compared by doses.
+        let planned = request.setup.goals.cost_of(&best.plan).map_err(Failure::failed)?;
+        let sequenced = sequence(&request.setup.goals, &beams, collimator, planned, options);
         let sequenced = sequenced.map_err(|e| {
             Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
         })?;
@@ -70,8 +74,9 @@ impl<'a> Leaves<'a> {
         Ok(Some(Self {
             figures: given.figures(&prepared.volumes_at_gy),
             fall_off: given.fall_off,
-            limits: request.protocol.iter().flat_map(|p| p.judge(&request.setup.case, &given)).collect(),
+            limits: request.protocol().iter().flat_map(|p| p.judge(&request.setup.case, &given)).collect(),
             given,
+            planned,
             fluences,
             sequenced,
             gray,
@@ -98,13 +103,14 @@ impl<'a> Leaves<'a> {
 
     /// How much the objective is above that of the fluence, as a part of it: behind leaves that let nothing through, and
     /// with their transmission.
-    pub fn losses(&self, objective: f64) -> [f64; 2] {
-        [self.sequenced.opaque, self.sequenced.plan.certificate.objective].map(|cost| cost / objective - 1.0)
+    pub fn losses(&self) -> [f64; 2] {
+        [self.sequenced.opaque, self.sequenced.plan.certificate.objective]
+            .map(|cost| cost / self.planned - 1.0)
     }
 
     /// All of it, for `plan.json`.
     pub fn file(&self, request: &Request, run: &PlanRun) -> PlanFileLeaves {
-        let [opaque, loss] = self.losses(run.choice.best.solved_cost());
+        let [opaque, loss] = self.losses();
         let (segments, monitor_units) = self.totals();
         let segment = |segment: &Segment| {
             let open = segment.tips_mm.iter().enumerate().filter(|(_, [low, high])| low < high);
@@ -125,9 +131,7 @@ impl<'a> Leaves<'a> {
             objective: self.sequenced.plan.certificate.objective,
             loss,
             loss_without_transmission: Some(opaque),
-            loss_before_segments_were_added: Some(
-                self.sequenced.divided / run.choice.best.solved_cost() - 1.0,
-            ),
+            loss_before_segments_were_added: Some(self.sequenced.divided / self.planned - 1.0),
             added_segments: self.sequenced.added,
             segments,
             monitor_units,

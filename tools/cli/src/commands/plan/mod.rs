@@ -98,7 +98,7 @@ impl Plan {
                 outln!("{}", file.display());
             }
         }
-        Ok(Exit::Done)
+        Ok(if outcome.is_refused(&request) { Exit::Refused } else { Exit::Done })
     }
 }
 

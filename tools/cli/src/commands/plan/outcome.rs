@@ -3,15 +3,15 @@
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
-use stillpoint_plan::check::{Bounds, Check, Checked, Fault, check};
+use stillpoint_plan::check::Checked;
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::plan_file::{
-    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileDose, PlanFileFigures,
-    PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints, PlanFileProtocol,
-    PlanFileSearch, PlanFileSetup, PlanFileSolve, WARNING,
+    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose,
+    PlanFileFigures, PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints,
+    PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
 };
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
@@ -21,7 +21,7 @@ use super::leaves::Leaves;
 use super::prepared::{Prepared, bar};
 use super::request::Request;
 use crate::exit::Failure;
-use stillpoint_plan::recipe::PlanRun;
+use stillpoint_plan::recipe::{Delivery, PlanRun};
 
 /// The best plan and what it gives: of a dose that is computed again on a finer grid than that of the points.
 pub struct Outcome<'a> {
@@ -50,8 +50,8 @@ pub struct Outcome<'a> {
     pub reference_given: Option<Evaluation<'a>>,
     /// Figures of that dose.
     pub reference: Option<Vec<StructureDose>>,
-    /// What a person should look at.
-    pub faults: Vec<Fault>,
+    /// What the check of the plan found.
+    pub checked: Checked,
 }
 
 impl<'a> Outcome<'a> {
@@ -92,7 +92,7 @@ impl<'a> Outcome<'a> {
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
         let leaves = Leaves::new(request, prepared, run, &recompute, &on_grid)?;
         Ok(Self {
-            faults: faults(request, prepared, run, leaves.as_ref())?,
+            checked: checked(request, prepared, run, leaves.as_ref())?,
             leaves,
             run,
             angles_deg: best
@@ -104,7 +104,7 @@ impl<'a> Outcome<'a> {
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
             objectives: objectives.map_err(Failure::failed)?,
-            limits: request.protocol.iter().flat_map(|p| p.judge(case, &given[0])).collect(),
+            limits: request.protocol().iter().flat_map(|p| p.judge(case, &given[0])).collect(),
             moved: given[1..].iter().map(of_moving).collect(),
             reference: reference_given.as_ref().map(figures),
             reference_given,
@@ -112,6 +112,11 @@ impl<'a> Outcome<'a> {
             given,
             grid: *on_grid.grid(),
         })
+    }
+
+    /// Whether the check refuses the plan, and no person takes it all the same.
+    pub fn is_refused(&self, request: &Request) -> bool {
+        !self.checked.faults.is_empty() && request.accept_check.is_none()
     }
 
     /// The grid of the dose.
@@ -199,6 +204,8 @@ impl<'a> Outcome<'a> {
             beams: best.beams.beams().iter().map(beam).collect(),
             figures: figures_of(request, &self.figures, &self.given[0], self.fall_off, &self.limits),
             leaves: self.leaves.as_ref().map(|leaves| leaves.file(request, self.run)),
+            served: setup.served.iter().map(PlanFileServed::from).collect(),
+            check: Some(PlanFileCheck::new(&self.checked, request.accept_check.as_deref())),
             setups: request.setups_mm[1..].iter().zip(&self.moved).map(moved).collect(),
             reference: self.reference.clone(),
             searches: runs.iter().map(|run| search(request, run)).collect(),
@@ -215,7 +222,7 @@ pub fn figures_of(
     fall_off: Option<FallOff>,
     limits: &[Judged],
 ) -> PlanFileFigures {
-    let protocol = request.protocol.as_ref();
+    let protocol = request.protocol();
     PlanFileFigures {
         structures: structures.to_vec(),
         histograms: histograms(given),
@@ -266,13 +273,13 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
     }
 }
 
-/// What of a plan is beyond the bounds of the check: of what is exported, the segments where there are some.
-fn faults(
+/// What the check of a plan finds: of what is exported, the segments where there are some.
+fn checked(
     request: &Request,
     prepared: &Prepared,
     run: &PlanRun,
     leaves: Option<&Leaves<'_>>,
-) -> Result<Vec<Fault>, Failure> {
+) -> Result<Checked, Failure> {
     let (best, setup) = (&run.choice.best, &request.setup);
     let fluence = |beam: &u16| BeamFluence {
         gantry_deg: setup.spec.ring.angle_deg(*beam),
@@ -280,15 +287,11 @@ fn faults(
         weights: best.weights_of(*beam).unwrap_or_default().to_vec(),
     };
     let planned: Vec<BeamFluence> = best.beams.beams().iter().map(fluence).collect();
-    let plan = Checked {
-        case: &setup.case,
-        machine: &setup.spec.machine,
-        params: setup.engine().params(),
+    let delivery = Delivery {
         planned: &planned,
         delivered: leaves.map_or(&planned, |leaves| &leaves.fluences),
         monitor_units: leaves.map(|leaves| leaves.totals().1),
+        moved_mm: [0.0; 3],
     };
-    let bounds = Bounds::default();
-    let known = Check::of(&plan, &bounds, request.threads).map_err(Failure::failed)?;
-    Ok(check(&known, &bounds))
+    setup.check(&delivery, request.threads).map_err(Failure::failed)
 }

@@ -48,6 +48,7 @@ impl Prepared {
                  dose; they count in its figures"
             )
         }));
+        notes.extend(request.protocol_note.clone());
         notes.extend(request.caution.clone());
         if setup.case.fractions().is_none() {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());

@@ -9,7 +9,7 @@ use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
 use stillpoint_plan::dose::{Collimator, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::protocol::Protocol;
+use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
     MethodName, PlanRequest, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
 };
@@ -33,8 +33,10 @@ pub struct Request {
     pub caution: Option<String>,
     /// Shifts of the patient (mm), the planned set-up first.
     pub setups_mm: Vec<[f64; 3]>,
-    /// The limits that the plan is compared with.
-    pub protocol: Option<Protocol>,
+    /// What people should know of the protocol.
+    pub protocol_note: Option<String>,
+    /// Why a person takes a plan that the check refuses.
+    pub accept_check: Option<String>,
     /// Whether fluences are sequenced where the machine has leaves.
     leaves: bool,
     /// Where the plan goes.
@@ -59,6 +61,8 @@ impl Request {
             None => phantom(0).map_err(Failure::failed)?,
         };
         let mut spec = spec(given)?;
+        let (protocol, protocol_note) = protocol(&case, given.protocol.as_deref())?;
+        spec.protocol = protocol;
         let angles = given.angles.as_deref().map(angles_deg).transpose()?;
         if let (Some(angles), Some(text)) = (&angles, &given.angles) {
             let ring = spec.ring.for_angles(angles);
@@ -76,7 +80,6 @@ impl Request {
         let (beams, budget) = (requests[0].beams, requests[0].budget);
         let is_shipped = given.network.is_none() && requests.iter().any(PlanRequest::uses_network);
         let out = given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name()));
-        let protocol = protocol(&case, given.protocol.as_deref())?;
         let identity = identity(given.keep_identity.as_deref(), &case)?;
         let setup = PlanSetup::new(case, spec).map_err(Failure::failed)?;
         Ok(Self {
@@ -86,7 +89,8 @@ impl Request {
             searches,
             beams,
             budget,
-            protocol,
+            protocol_note,
+            accept_check: accept_check(given)?,
             leaves: !given.fluence_only,
             out,
             doses: given.doses.clone(),
@@ -100,6 +104,11 @@ impl Request {
     /// The leaves that fluences are sequenced for.
     pub fn collimator(&self) -> Option<&Collimator> {
         self.setup.spec.machine.file().collimator.as_ref().filter(|_| self.leaves)
+    }
+
+    /// The limits that the plan aims at and is compared with.
+    pub fn protocol(&self) -> Option<&Protocol> {
+        self.setup.spec.protocol.as_ref()
     }
 
     /// Beams that need a dose.
@@ -213,11 +222,36 @@ pub fn machine(own: Option<&Path>) -> Result<Machine, Failure> {
     Machine::from_json(&text).map_err(|e| fault(&e))
 }
 
-/// The protocol of this file; without one the shipped protocol of the site of the case, if there is one.
-fn protocol(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failure> {
-    let Some(path) = file else { return protocol::of_site(case).map_err(Failure::failed) };
-    let bytes = std::fs::read(path).map_err(|e| Failure::wrong(format!("{}: {e}", path.display())))?;
-    protocol::read(&path.display().to_string(), bytes).map(Some).map_err(Failure::wrong)
+/// The protocol of this file; without one the shipped protocol of the site of the case, if there is one and its limits hold
+/// for the fractions of the case. With what people should know of it.
+fn protocol(case: &Case, file: Option<&Path>) -> Result<(Option<Protocol>, Option<String>), Failure> {
+    let found = match file {
+        Some(path) => {
+            let name = path.display().to_string();
+            let bytes = std::fs::read(path).map_err(|e| Failure::wrong(format!("{name}: {e}")))?;
+            Some(protocol::read(&name, bytes).map_err(Failure::wrong)?)
+        }
+        None => protocol::of_site(case).map_err(Failure::failed)?,
+    };
+    let Some(protocol) = found else { return Ok((None, None)) };
+    match (protocol.fractionation(case), file) {
+        (Fractionation::Holds, _) => Ok((Some(protocol), None)),
+        (Fractionation::Unknown(note), _) => Ok((Some(protocol), Some(note))),
+        (Fractionation::Other(why), Some(path)) => {
+            Err(Failure::wrong(format!("--protocol {}: {why}", path.display())))
+        }
+        (Fractionation::Other(why), None) => {
+            Ok((None, Some(format!("the protocol {} is not applied: {why} with --protocol", protocol.name))))
+        }
+    }
+}
+
+/// The reason to take a plan that the check refuses.
+fn accept_check(given: &PlanArgs) -> Result<Option<String>, Failure> {
+    match given.accept_check.as_deref().map(str::trim) {
+        Some("") => Err(Failure::wrong("--accept-check: give the reason in words")),
+        reason => Ok(reason.map(str::to_owned)),
+    }
 }
 
 fn identity(folder: Option<&Path>, case: &Case) -> Result<CaseIdentity, Failure> {

@@ -2,11 +2,12 @@
 
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
-use stillpoint_plan::protocol::Judged;
+use stillpoint_plan::protocol::{Judged, Served};
 
 use super::leaves::Leaves;
 use super::outcome::Outcome;
 use super::page::parts::{number, value, word};
+use super::page::setup::served_by;
 use super::prepared::Prepared;
 use super::request::Request;
 use crate::columns::{Columns, Side};
@@ -45,18 +46,18 @@ pub fn print(
         outln!("{}", describe(fall_off));
     }
     objectives(&outcome.objectives);
-    if let Some(protocol) = &request.protocol {
-        limits(&protocol.name, &outcome.limits);
-    }
     if let Some(sequenced) = &outcome.leaves {
-        leaves(request, prepared, outcome, sequenced);
+        leaves(request, prepared, sequenced);
     }
-    if outcome.faults.is_empty() {
-        outln!("\nplan check: nothing is beyond its bounds");
+    if let Some(protocol) = request.protocol() {
+        // Of what is exported, as on the page.
+        let (of, judged) = match &outcome.leaves {
+            Some(leaves) => ("segments", &leaves.limits),
+            None => ("planned fluence", &outcome.limits),
+        };
+        limits(&protocol.name, of, judged, &request.setup.served);
     }
-    for fault in &outcome.faults {
-        outln!("\nwarning: plan check: {fault}");
-    }
+    check(request, outcome);
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
         structures(reference, &prepared.volumes_at_gy);
@@ -68,9 +69,9 @@ pub fn print(
 }
 
 /// What the leaves give.
-fn leaves(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>, leaves: &Leaves<'_>) {
+fn leaves(request: &Request, prepared: &Prepared, leaves: &Leaves<'_>) {
     let (segments, monitor_units) = leaves.totals();
-    let [opaque, loss] = leaves.losses(outcome.run.choice.best.solved_cost()).map(|part| 100.0 * part);
+    let [opaque, loss] = leaves.losses().map(|part| 100.0 * part);
     let transmission = request.collimator().map_or(0.0, |c| 100.0 * c.transmission);
     outln!(
         "\nsequenced for step and shoot: {segments} segments, {monitor_units:.0} monitor units a fraction; the objective \
@@ -80,12 +81,23 @@ fn leaves(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>, leaves:
     if let Some(fall_off) = &leaves.fall_off {
         outln!("{}", describe(fall_off));
     }
-    let missed = |j: &&Judged| j.passed == Some(false);
-    let text = |j: &Judged| format!("{} {}", j.structure, j.limit);
-    let missed: Vec<String> = leaves.limits.iter().filter(missed).map(text).collect();
-    if request.protocol.is_some() {
-        let names = if missed.is_empty() { "none".to_owned() } else { missed.join(", ") };
-        outln!("limits that the segments do not keep: {names}");
+}
+
+/// What the check of the plan says.
+fn check(request: &Request, outcome: &Outcome<'_>) {
+    if outcome.checked.faults.is_empty() {
+        outln!("\nplan check: passed");
+        return;
+    }
+    outln!("\nplan check: refused");
+    for fault in &outcome.checked.faults {
+        outln!("  {fault}");
+    }
+    match &request.accept_check {
+        Some(reason) => outln!("the plan is exported all the same: {reason}"),
+        None => outln!(
+            "the plan is not exported; a person who has looked at it can export it with --accept-check REASON"
+        ),
     }
 }
 
@@ -173,16 +185,22 @@ fn objectives(results: &[ObjectiveResult]) {
 }
 
 /// The limits of a protocol, with the values of the plan.
-fn limits(protocol: &str, limits: &[Judged]) {
+fn limits(protocol: &str, of: &str, limits: &[Judged], served: &[Served]) {
     let head =
         [(Side::Left, "structure"), (Side::Left, "limit"), (Side::Right, "plan"), (Side::Left, "result")];
-    let mut table = Columns::new(head.into_iter().chain([(Side::Left, "source")]));
+    let mut table = Columns::new(head.into_iter().chain([(Side::Left, "served by"), (Side::Left, "source")]));
     for j in limits.iter().filter(|j| j.passed.is_some()) {
         let (value, word) = (value(Some(j)), word(Some(j)).to_owned());
-        table.row([j.structure.clone(), j.limit.clone(), value, word, j.source.clone()]);
+        let own = served.iter().find(|s| s.structure == j.structure && s.limit == j.limit);
+        let by = own.map_or("-".to_owned(), served_by);
+        table.row([j.structure.clone(), j.limit.clone(), value, word, by, j.source.clone()]);
     }
     let count = |requested: Option<bool>| limits.iter().filter(|j| j.passed == requested).count();
-    outln!("\nprotocol {protocol}: {} limits passed, {} failed\n", count(Some(true)), count(Some(false)));
+    outln!(
+        "\nprotocol {protocol}, dose of the {of}: {} limits passed, {} failed\n",
+        count(Some(true)),
+        count(Some(false))
+    );
     out!("{table}");
     let missing: Vec<&str> =
         limits.iter().filter(|j| j.passed.is_none()).map(|j| j.structure.as_str()).collect();

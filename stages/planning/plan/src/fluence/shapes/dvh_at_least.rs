@@ -54,6 +54,10 @@ impl Shape for DvhAtLeast {
         parts.add_dvh(region, Side::Under, self.dose, self.volume, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Volume { bound: Bound::AtLeast, dose: self.dose, volume: self.volume }
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         None
     }

@@ -54,6 +54,10 @@ impl Shape for DvhAtMost {
         parts.add_dvh(region, Side::Over, self.dose, self.volume, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Volume { bound: Bound::AtMost, dose: self.dose, volume: self.volume }
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         Some(self.dose)
     }

@@ -72,6 +72,10 @@ impl Shape for DvhPoint {
         parts.add_dvh(region, self.side(), self.dose, self.volume, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Volume { bound: self.bound, dose: self.dose, volume: self.volume }
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         (self.bound == Bound::AtMost).then_some(self.dose)
     }

@@ -92,6 +92,10 @@ impl Shape for FallOff {
         }));
     }
 
+    fn aim(&self) -> Aim {
+        Aim::FallOff { near: self.near, far: self.far, over_mm: self.over_mm }
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         None
     }

@@ -93,6 +93,10 @@ impl Shape for Geud {
         parts.regions.push(self.term(region.shares()));
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Geud { a: self.a, bound: self.bound, dose: self.dose }
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         (self.bound == Bound::AtMost).then_some(self.dose)
     }

@@ -57,6 +57,10 @@ impl Shape for Homogeneity {
         }
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Even
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         None
     }

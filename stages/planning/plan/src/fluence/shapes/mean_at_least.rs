@@ -46,6 +46,10 @@ impl Shape for MeanAtLeast {
         parts.add_mean(region, Side::Under, self.dose, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Mean(Bound::AtLeast, self.dose)
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         None
     }

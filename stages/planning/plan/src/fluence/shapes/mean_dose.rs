@@ -46,6 +46,10 @@ impl Shape for MeanDose {
         parts.add_mean(region, Side::Over, self.dose, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Mean(Bound::AtMost, self.dose)
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         Some(self.dose)
     }

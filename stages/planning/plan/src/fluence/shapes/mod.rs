@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::aim::Aim;
 use super::dvh::DvhTerm;
 use super::goals::GoalsError;
 use super::problem::{Side, Term};
@@ -106,6 +107,8 @@ trait Shape {
     fn cost(&self, at: &Doses<'_>) -> f64;
     /// Adds its terms on a region to a problem: they give its slope and curvature.
     fn add(&self, region: Region<'_>, parts: &mut Parts<'_>);
+    /// What the dose is like where it is fulfilled.
+    fn aim(&self) -> Aim;
     /// The dose above which it costs, Gy, if it limits the dose of the structure: what the structure tolerates.
     fn tolerated_gy(&self) -> Option<f64>;
     /// What a dose gives of the one quantity that it bounds; nothing where it bounds no single quantity.
@@ -364,6 +367,11 @@ impl Objective {
     /// Whether it needs the distance of each voxel to the targets.
     pub fn needs_distances(&self) -> bool {
         self.shape().needs_distances()
+    }
+
+    /// What the dose of its structure is like where it is fulfilled.
+    pub fn aim(&self) -> Aim {
+        self.shape().aim()
     }
 
     /// The dose above which it costs, Gy, if it limits the dose of the structure.

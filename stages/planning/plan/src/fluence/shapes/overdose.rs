@@ -46,6 +46,10 @@ impl Shape for Overdose {
         parts.add_each(region, Side::Over, self.dose, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Dose(Bound::AtMost, self.dose)
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         Some(self.dose)
     }

@@ -45,6 +45,10 @@ impl Shape for Underdose {
         parts.add_each(region, Side::Under, self.dose, self.weight);
     }
 
+    fn aim(&self) -> Aim {
+        Aim::Dose(Bound::AtLeast, self.dose)
+    }
+
     fn tolerated_gy(&self) -> Option<f64> {
         None
     }

@@ -3,12 +3,14 @@
 //! - `slices`: the image with isodose lines; `eye`: fluence in beam's-eye view
 //! - `histogram`: planned and sequenced doses with prescriptions and limits
 //! - `beams`: angles, what each is worth, its fluence
+//! - `setup`: prescription, machine, objectives, notes
 //! - `parts`: tables of limits and figures
 
 mod beams;
 mod eye;
 pub mod histogram;
 pub mod parts;
+pub mod setup;
 mod slices;
 
 use serde_json::Value;
@@ -32,6 +34,7 @@ use slices::{Dosed, ISODOSES};
 pub fn page(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<String, Failure> {
     let sections = [
         summary(request, outcome)?,
+        section("setup", "Setup", setup::blocks(request, prepared))?,
         doses(request, prepared, outcome)?,
         section("dvh", "Dose-volume histograms", histogram::blocks(request, outcome)?)?,
         limits(request, outcome)?,
@@ -70,14 +73,14 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
         tiles.push(Tile::plain(&format!("{}, V95%", target.name), format!("{covered:.1} %")));
         tiles.push(Tile::plain(&format!("{}, D95%", target.name), format!("{:.1} Gy", target.d95_gy)));
     }
-    if let Some(protocol) = &request.protocol {
+    if let Some(protocol) = request.protocol() {
         let count = |requested| limits.iter().filter(|j| j.passed == Some(requested)).count();
         let text = format!("{} passed, {} failed", count(true), count(false));
         tiles.push(Tile::state(&format!("limits of {}", protocol.name), text, count(false) == 0));
     }
     if let Some(leaves) = &outcome.leaves {
         let (segments, units) = leaves.totals();
-        let [opaque, loss] = leaves.losses(outcome.run.choice.best.solved_cost()).map(|part| 100.0 * part);
+        let [opaque, loss] = leaves.losses().map(|part| 100.0 * part);
         tiles.push(Tile::plain("segments", segments.to_string()));
         tiles.push(Tile::plain("monitor units a fraction", format!("{units:.0}")));
         tiles.push(Tile::plain(
@@ -90,7 +93,18 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
         "Figures, slices and limits are of the dose of the {which}, computed on a grid of {:.2} mm.",
         outcome.grid().spacing_mm[0]
     );
-    section("summary", "Summary", vec![Block::Tiles(tiles), Block::Text(message)])
+    let mut blocks = vec![Block::Tiles(tiles), Block::Text(message)];
+    if outcome.checked.faults.is_empty() {
+        blocks.push(Block::Text("The plan check has passed.".to_owned()));
+    }
+    for fault in &outcome.checked.faults {
+        let end = match &request.accept_check {
+            Some(reason) => format!(" (accepted: {reason})"),
+            None => String::new(),
+        };
+        blocks.push(Block::Warning(format!("Plan check refused{end}: {fault}")));
+    }
+    section("summary", "Summary", blocks)
 }
 
 fn doses(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Section, Failure> {
@@ -101,7 +115,11 @@ fn doses(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Resul
     for plane in Plane::ALL {
         blocks.push(slices::stack(&dosed, plane)?);
     }
-    blocks.push(Block::Text("Scroll within a picture to go through the slices.".to_owned()));
+    blocks.push(Block::Text(
+        "The page opens on the slices through the isocentre. Marks above a picture choose the slice; after a click on one, \
+         arrow keys go through them. The wash of colours is the dose from 10 % of the prescription on."
+            .to_owned(),
+    ));
     section("dose", "Dose", blocks)
 }
 
@@ -142,7 +160,7 @@ fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
 
 fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let objectives = parts::objectives(&outcome.objectives).map(Block::Table);
-    let Some(protocol) = &request.protocol else {
+    let Some(protocol) = request.protocol() else {
         let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
         let blocks = std::iter::once(Block::Text(none.to_owned())).chain(objectives).collect();
         return section("limits", "Limits", blocks);
@@ -198,5 +216,7 @@ fn figures(outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let mut blocks = vec![table("Planned fluence", &outcome.figures)];
     blocks.extend(outcome.leaves.as_ref().map(|leaves| table("Segments", &leaves.figures)));
     blocks.extend(outcome.reference.as_ref().map(|figures| table("Reference dose of the case", figures)));
+    let (_, shown, _) = shown(outcome);
+    blocks.push(Block::Table(parts::volumes(shown)));
     section("figures", "Figures", blocks)
 }

@@ -95,6 +95,24 @@ pub fn figures<'a>(
     table
 }
 
+/// Volumes that receive doses, in cm3 and percent.
+pub fn volumes(figures: &[StructureDose]) -> Table {
+    let doses = figures.first().map_or(&[][..], |f| &f.volumes);
+    let names: Vec<String> = doses.iter().map(|v| format!("V{} Gy", v.dose_gy)).collect();
+    let columns: Vec<&str> =
+        ["structure", "cm3"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    let mut table = Table::new("Volumes at doses, cm3 (percent of the structure)".to_owned(), &columns);
+    for f in figures {
+        let at = f
+            .volumes
+            .iter()
+            .map(|v| Cell::number(format!("{:.1} ({:.1} %)", v.fraction * f.volume_cm3, 100.0 * v.fraction)));
+        let first = [Cell::text(&f.name), Cell::number(format!("{:.1}", f.volume_cm3))];
+        table.row(first.into_iter().chain(at));
+    }
+    table
+}
+
 /// A number with so many digits, or a dash.
 pub fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))

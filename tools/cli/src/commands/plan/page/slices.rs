@@ -108,6 +108,11 @@ fn draw(dosed: &Dosed<'_>, plane: Plane, slice: usize) -> Result<String, Failure
         "<image width=\"{width:.1}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" href=\"data:image/png;base64,{}\"/>",
         base64(&tissue(dosed.case, &sheet, slice)?)
     );
+    let _ = write!(
+        svg,
+        "<image width=\"{width:.1}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" class=\"wash\" href=\"data:image/png;base64,{}\"/>",
+        base64(&wash(dosed, &sheet, slice)?)
+    );
     structures(dosed.case, &sheet, slice, &mut svg);
     isodoses(dosed, &sheet, slice, &mut svg);
     let [x, y] = sheet.at([sheet.axes[0], sheet.axes[1]].map(|axis| dosed.case.isocentre_mm()[axis]));
@@ -152,6 +157,51 @@ fn tissue(case: &Case, sheet: &Sheet, slice: usize) -> Result<Vec<u8>, Failure> 
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, columns as u32, rows as u32);
     encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
+    written.map(|()| bytes).map_err(Failure::failed)
+}
+
+/// Part of the prescription from which on the dose has a colour, and how much of the image the colour covers.
+const WASH_FROM: f64 = 0.1;
+const WASH_COVER: f64 = 0.35;
+
+/// The dose as a PNG, a pixel for each voxel of the image: between the colours of the isodoses, and nothing where there is
+/// little.
+fn wash(dosed: &Dosed<'_>, sheet: &Sheet, slice: usize) -> Result<Vec<u8>, Failure> {
+    let [u, v, across] = sheet.axes;
+    let (columns, rows) = (sheet.image.counts[u], sheet.image.counts[v]);
+    let scale: Vec<(f64, [f64; 3])> = ISODOSES
+        .iter()
+        .rev()
+        .map(|(percent, colour)| {
+            let part = |at: usize| colour.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok());
+            (0.01 * percent, [1, 3, 5].map(|at| f64::from(part(at).unwrap_or_default())))
+        })
+        .collect();
+    let mut pixels = Vec::with_capacity(4 * columns * rows);
+    for row in 0..rows {
+        for column in 0..columns {
+            let mut voxel = [0; 3];
+            voxel[u] = column;
+            voxel[v] = if v == 2 { rows - 1 - row } else { row };
+            voxel[across] = slice;
+            let gray = dosed.grid.value_at(dosed.gray, sheet.image.centre_mm(voxel));
+            let part = f64::from(gray) / dosed.prescribed_gy.max(f64::MIN_POSITIVE);
+            if part < WASH_FROM {
+                pixels.extend([0; 4]);
+                continue;
+            }
+            let after = scale.partition_point(|(level, _)| *level <= part);
+            let (low, high) = (&scale[after.saturating_sub(1)], &scale[after.min(scale.len() - 1)]);
+            let along = if high.0 > low.0 { (part - low.0) / (high.0 - low.0) } else { 0.0 };
+            pixels.extend((0..3).map(|c| (low.1[c] + along * (high.1[c] - low.1[c])) as u8));
+            pixels.push((255.0 * WASH_COVER) as u8);
+        }
+    }
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, columns as u32, rows as u32);
+    encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
     written.map(|()| bytes).map_err(Failure::failed)
