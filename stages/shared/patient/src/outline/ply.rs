@@ -130,13 +130,9 @@ mod tests {
             read_ply(broken.as_bytes()).unwrap_err().to_string(),
             "row 1 of its element `face` has `x`, which is not a number"
         );
-<<<<<<< HEAD
-        let points = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
-=======
         let surplus = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
         assert!(matches!(read_ply(surplus.as_bytes()), Err(MeshError::Ply(PlyError::Surplus(_)))));
         let points = surplus.replace("4 0 1 2 3\n", "");
->>>>>>> 23abf5ab7414f150ea2fbb365dcd7f8faaa2925f
         assert_eq!(read_ply(points.as_bytes()).unwrap_err(), MeshError::NoTriangles);
     }
 
