@@ -48,6 +48,7 @@ impl Ground {
                  dose; they count in its figures"
             )
         }));
+        notes.extend(setup.spec.machine.beyond_table(&setup.case));
         notes.extend(request.caution.clone());
         if setup.case.fractions().is_none() {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
