@@ -5,7 +5,6 @@
 //! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
 //! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
 //! - `problem`: the one form that every objective comes to, with its errors
-//! - `voxels`: structures on the dose grid
 //! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
 //! - `admm`: the dissertation's solver, corrected
@@ -30,7 +29,6 @@ mod region;
 mod rows;
 mod shapes;
 mod text;
-mod voxels;
 
 pub use certificate::Certificate;
 pub use goals::{Goals, GoalsError, PlanProblem, StructureObjectives};
@@ -43,4 +41,3 @@ pub use shapes::{
     Objective, ObjectiveSpec, Overdose, StructurePart, Underdose,
 };
 pub use text::{Dose, DoseBound, DvhText, Length, Reading, Volume};
-pub use voxels::voxels_on;
