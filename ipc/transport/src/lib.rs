@@ -9,6 +9,9 @@
 //! - `conformance`: the test body that every transport has to pass
 //! - `error`: why an end cannot be opened or a sample not be sent
 
+// Outsiders use it.
+#![warn(missing_docs)]
+
 mod channel;
 pub mod conformance;
 mod datagrams;

@@ -156,14 +156,6 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         })
     }
 
-    /// A filter with a known state at `stamp`.
-    ///
-    /// # Errors
-    /// A parameter outside its range.
-    pub fn from_state(params: KalmanParams<N>, stamp: u64, state: State<N, X>) -> Result<Self, ParamError> {
-        Ok(Self { state: Some(state), stamp: Some(stamp), used_at: stamp, ..Self::new(params)? })
-    }
-
     /// Brings the filter to `stamp` (nanoseconds) and uses `measurement`, if there is one and it can be used.
     ///
     /// # Errors

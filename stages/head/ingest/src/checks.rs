@@ -89,20 +89,6 @@ pub fn principal_point(at: [f64; 2], size: [usize; 2]) -> Result<(), String> {
     Ok(())
 }
 
-/// Refuses an image of another size than its camera, whose size is known.
-///
-/// # Errors
-/// Both sizes.
-pub fn same_size(image: [usize; 2], camera: [usize; 2]) -> Result<(), String> {
-    match image == camera {
-        true => Ok(()),
-        false => Err(format!(
-            "it has {} x {} pixels, its CameraInfo {} x {}",
-            image[0], image[1], camera[0], camera[1]
-        )),
-    }
-}
-
 /// Refuses an image and a description of a camera that name two frames. An empty name is none.
 ///
 /// # Errors

@@ -1,13 +1,10 @@
 //! Point clouds in PLY files, text or binary: the vertices, without their other properties and their faces.
 
-use stillpoint_patient::ply::{Encoding, MOST_ROWS, Ply};
+use stillpoint_patient::ply::{Encoding, Ply};
 
 use crate::checks;
 
 pub use stillpoint_patient::ply::PlyError;
-
-/// The most vertices that are read; more are refused before memory is taken for them.
-pub const MAX_POINTS: usize = MOST_ROWS;
 
 /// Reads the vertices of a file, in the unit of the file. Those without a measurement are
 /// [`INVALID_POINT`](crate::INVALID_POINT).

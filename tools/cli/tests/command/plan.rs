@@ -228,6 +228,24 @@ fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
 }
 
 #[test]
+fn tissue_denser_than_the_table_of_the_machine_is_reported_with_its_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let shipped = include_str!("../../../../stages/planning/plan/data/generic_6mv.json");
+    let short = shipped.replace(",[3000.0,2.492]", "");
+    assert_ne!(short, shipped);
+    std::fs::write(folder.path().join("short.json"), short).unwrap();
+    let asked = ["plan", "--angles", "0", "--doses", "doses"];
+    let out = |machine: &[&str]| {
+        let out = stillpoint(folder.path(), &[&asked, &COARSE[..], machine].concat());
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        format!("{}{}", text(&out.stdout), text(&out.stderr))
+    };
+    let reported = out(&["--machine", "short.json"]);
+    assert!(reported.contains("cm3 of the patient have above 100 HU"), "{reported}");
+    assert!(!out(&[]).contains("of the patient have above"), "the shipped table ends at 3000 HU");
+}
+
+#[test]
 fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "6", "--compare", "--robust", "5mm", "--out", "both"];

@@ -7,7 +7,6 @@
 //! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
 //! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
 //! - `problem`: the one form that every objective comes to, with its errors
-//! - `voxels`: structures on the dose grid
 //! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
 //! - `admm`: the dissertation's solver, corrected
@@ -34,7 +33,6 @@ mod region;
 mod rows;
 mod shapes;
 mod text;
-mod voxels;
 
 pub use aim::Aim;
 pub use certificate::Certificate;
@@ -49,4 +47,3 @@ pub use shapes::{
     Objective, ObjectiveSpec, Overdose, StructurePart, Underdose,
 };
 pub use text::{Dose, DoseBound, DvhText, Length, Reading, Volume};
-pub use voxels::voxels_on;

@@ -180,12 +180,6 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         self.orifice.flow(self.valves.effective_area(1.0), self.valves.supply, inside)
     }
 
-    /// Air that flows out of a bladder through its outlet at full opening, at a gauge pressure (Pa) inside, kg/s.
-    pub fn outlet_flow(&self, gauge: f64) -> f64 {
-        let inside = self.air.atmosphere + gauge;
-        self.orifice.flow(self.valves.effective_area(1.0), inside, self.valves.exhaust)
-    }
-
     /// Rate of each component of the packed state.
     pub fn slope(&self, packed: &SVector<f64, N>, drive: &Drive<D, B>) -> SVector<f64, N> {
         let state = State::<D, B>::unpack(packed);
