@@ -101,6 +101,152 @@ fn samples_are_shown_in_words_by_path_and_as_json() {
     assert!(text(std::path::Path::new(session)).contains("console-0001"));
 }
 
+#[test]
+fn a_log_of_a_run_and_of_its_session_has_what_operators_say_and_what_happens_to_processes() {
+    let bench = Bench::new();
+    let written = std::fs::read_to_string(pipeline("chain.yaml")).unwrap();
+    let file = bench.path("talks.yaml");
+    let habit = "source: { use: kit.outside, every: 2 ms, params: { habit: log, at: 100 } }";
+    std::fs::write(&file, written.replace("source: { use: kit.outside, every: 2 ms }", habit)).unwrap();
+    let run = bench.run(&file);
+    let lines = |arguments: &[&str]| {
+        let done = bench.call(&[&["log", "--json"], arguments].concat());
+        let all = done.out.lines().map(|l| serde_json::from_str::<Value>(l).unwrap());
+        all.collect::<Vec<_>>()
+    };
+    let is_said = |line: &Value| line["operator"] == "source" && line["level"] == "warn";
+    let said = crate::bench::wait_for("a line of the source", || lines(&[]).into_iter().find(is_said));
+    assert_eq!(said["message"], "the kit warns index=100", "{said}");
+    // A process that is killed is said to have ended, and to start again.
+    let top = bench.call(&["top", "--once", "--for", "100 ms", "--json"]).good();
+    let middle = top["processes"].as_array().unwrap().iter().find(|p| p["name"] == "middle").unwrap();
+    crate::bench::signal(middle["pid"].as_u64().unwrap() as u32, rustix::process::Signal::KILL);
+    let again = |line: &Value| {
+        line["operator"] == "middle" && line["message"].as_str().unwrap().starts_with("starts again")
+    };
+    crate::bench::wait_for("the restart", || lines(&["--level", "warn"]).into_iter().find(again));
+    let report = run.stop().json();
+    let session = report["session"].as_str().unwrap();
+    let kept = lines(&[session]);
+    let of = |operator: &str| kept.iter().filter(|l| l["operator"] == operator).collect::<Vec<_>>();
+    assert!(of("source").iter().any(|l| is_said(l)), "{kept:?}");
+    assert!(of("middle").iter().any(|l| l["level"] == "error"), "{kept:?}");
+    let begun = of("sink")[0]["message"].as_str().unwrap();
+    assert!(begun.starts_with("runs as process ") && begun.ends_with("scheduled as normal"), "{begun}");
+    assert_eq!(kept.last().unwrap()["message"], "the run ends: stopped");
+    let errors = lines(&[session, "--level", "error", "--operator", "middle"]);
+    assert!(!errors.is_empty() && errors.iter().all(|l| l["level"] == "error"), "{errors:?}");
+    let simulated = ["run", text(&file), "--clock", "simulated", "--for", "20 ms", "--json"];
+    let simulated = bench.call(&simulated).good();
+    let none = bench.call(&["log", simulated["session"].as_str().unwrap()]);
+    assert!(none.code() == 1 && none.err.contains("it keeps no log"), "{}", none.err);
+}
+
+#[test]
+fn the_figures_of_a_run_are_served_to_prometheus() {
+    use std::io::{Read, Write};
+    let bench = Bench::new();
+    let run = bench.start(&["run", text(&pipeline("chain.yaml")), "--metrics", "127.0.0.1:0", "--json"]);
+    let address = crate::bench::wait_for("the address", || {
+        let said = run.errors();
+        Some(said.split("http://").nth(1)?.split("/metrics").next()?.to_owned())
+    });
+    let value = crate::bench::wait_for("a figure", || {
+        let mut stream = std::net::TcpStream::connect(&address).ok()?;
+        stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).ok()?;
+        let line = "stillpoint_samples_sent_total{pipeline=\"chain\",operator=\"source\"} ";
+        answer.lines().find_map(|l| l.strip_prefix(line)?.parse::<u64>().ok())
+    });
+    assert!(value > 0);
+    run.stop().good();
+    let file = pipeline("chain.yaml");
+    let simulated = ["run", text(&file), "--metrics", "127.0.0.1:0", "--clock", "simulated"];
+    let refused = bench.call(&simulated);
+    assert!(refused.code() == 2 && refused.err.contains("--metrics serves"), "{}", refused.err);
+}
+
+#[test]
+fn doctor_names_each_setting_with_what_is_wanted_and_what_dead_runs_left() {
+    let bench = Bench::new();
+    let file = pipeline("chain.yaml");
+    let doctor = |arguments: &[&str]| {
+        bench.call(&[&["doctor", text(&file), "--for", "200 ms", "--json"], arguments].concat())
+    };
+    let found = doctor(&[]);
+    let value = found.json();
+    let findings = value["findings"].as_array().unwrap().clone();
+    for setting in [
+        "real-time priority",
+        "wake-up of a thread",
+        "shared memory",
+        "clock source",
+        "leftovers of dead runs",
+    ] {
+        let finding =
+            findings.iter().find(|f| f["setting"] == setting).unwrap_or_else(|| panic!("{setting}"));
+        assert!(!finding["found"].as_str().unwrap().is_empty() && finding["wanted"].is_string(), "{finding}");
+    }
+    // The exit code is the worst of what was found.
+    let worst = match value["verdict"].as_str().unwrap() {
+        "good" => 0,
+        "unknown" => 1,
+        _ => 2,
+    };
+    assert_eq!(found.code(), worst, "{value}");
+    for finding in &findings {
+        assert!(finding["verdict"] != "bad" || worst == 2, "{finding}");
+        assert!(
+            finding["verdict"] == "good" || finding["verdict"] == "unknown" || finding["mend"] != "",
+            "{finding}"
+        );
+    }
+    // A run whose supervisor is killed leaves its folder.
+    let run = bench.run(&file);
+    bench.wait_for_samples("sink.sum", 1);
+    crate::bench::signal(run.pid(), rustix::process::Signal::KILL);
+    run.finish();
+    let leftovers = |value: &Value| {
+        let all = value["findings"].as_array().unwrap();
+        all.iter().find(|f| f["setting"] == "leftovers of dead runs").unwrap()["found"].clone()
+    };
+    let id = bench.run_ids();
+    assert_eq!(leftovers(&doctor(&[]).json()), id[0].as_str());
+    crate::bench::wait_for("the end of its processes", || {
+        let cleaned = doctor(&["--clean"]).json();
+        (cleaned["cleaned"][0] == id[0].as_str()).then_some(())
+    });
+    assert_eq!(leftovers(&doctor(&[]).json()), "none");
+}
+
+#[test]
+fn faults_that_are_planted_in_a_run_are_named_from_the_outside() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("planted.yaml"));
+    // Until the camera has stalled and something has panicked.
+    crate::bench::wait_for("the last sample of the camera", || {
+        let top = bench.call(&["top", "--once", "--for", "500 ms", "--json"]).good();
+        let troubles: Vec<String> = serde_json::from_value(top["troubles"].clone()).unwrap();
+        let is_named =
+            |start: &str, end: &str| troubles.iter().any(|t| t.starts_with(start) && t.contains(end));
+        let all = [
+            is_named("slow: missed ", "a step takes"),
+            is_named("source.value -> lossy: ", "samples lost"),
+            is_named("camera.value: camera sent nothing in", ""),
+            is_named("fails: ", "activations failed"),
+            is_named("panics: restarted", "times"),
+        ];
+        // What is well is not named.
+        assert!(
+            !is_named("well", "") && !is_named("law: missed", "") && !is_named("source.value -> well", ""),
+            "{troubles:?}"
+        );
+        all.iter().all(|named| *named).then_some(())
+    });
+    run.stop();
+}
+
 /// Checks a trace by the rules of the Trace Event Format: what each event needs, slices of a thread one after another or
 /// within each other, and arrows whose ends are within slices. Gives the number of slices and of arrows.
 fn check_trace_events(file: &std::path::Path) -> (usize, usize) {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
+use stillpoint_pipeline::live::granted;
 
 /// A process of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -86,16 +87,9 @@ impl Stat {
     fn of(text: &str) -> Option<Self> {
         // The name of the program stands in brackets, and may hold any letters.
         let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
-        let number = |at: usize| fields.get(at)?.parse::<u32>().ok();
-        // proc_pid_stat(5): the state is field 3, the priority field 40, the class field 41.
-        let level = number(37).unwrap_or(0);
-        let granted = match number(38) {
-            Some(1) => format!("fifo {level}"),
-            Some(2) => format!("round robin {level}"),
-            Some(6) => "deadline".to_owned(),
-            _ => "normal".to_owned(),
-        };
-        Some(Self { state: fields.first()?.chars().next()?, parent: number(1)?, granted })
+        // proc_pid_stat(5): the state is field 3, the parent field 4.
+        let parent = fields.get(1)?.parse().ok()?;
+        Some(Self { state: fields.first()?.chars().next()?, parent, granted: granted(text)? })
     }
 }
 

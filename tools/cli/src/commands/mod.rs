@@ -6,11 +6,13 @@ pub(crate) mod bridge;
 mod case;
 mod check;
 mod delivered;
+mod doctor;
 mod echo;
 mod graph;
 mod hz;
 mod identify;
 mod info;
+mod log;
 mod manual;
 mod merge;
 mod operators;
@@ -85,6 +87,10 @@ pub enum Command {
     Trace(trace::TracePaths),
     /// Draw a pipeline, a run or a session: operators, processes, topics, and what was measured.
     Graph(graph::Graph),
+    /// Print what the processes of a run say, by operator and level.
+    Log(log::Log),
+    /// Measure whether this machine will hold a pipeline.
+    Doctor(doctor::Doctor),
     /// End a run in order, as Ctrl-C does.
     Stop(stop::Stop),
     /// List the types of samples, or describe one.
@@ -134,6 +140,8 @@ impl Command {
             Self::Trace(c) => c.execute(registry),
             Self::Graph(c) => c.execute(registry),
             Self::Top(c) => c.execute(registry),
+            Self::Log(c) => c.execute(),
+            Self::Doctor(c) => c.execute(registry),
             Self::Stop(c) => c.execute(),
             Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),

@@ -6,8 +6,8 @@ use serde_json::json;
 use stillpoint_pipeline::live::run_folder::{self, RunState};
 
 use crate::columns::{Columns, Side};
-use crate::processes::{self, ProcessState};
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::processes::{self, ProcessState};
 
 /// List the runs of this user on this machine: pipeline, age, state and session.
 #[derive(Args)]
