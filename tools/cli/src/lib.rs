@@ -19,6 +19,7 @@
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
+//! - `http`: the words of HTTP that `run --metrics` and `view` speak
 //! - `metrics`: figures of a run as Prometheus text
 //! - `doctor`: what is measured of the machine
 //! - `rates`: rates of topics from journals, for `topics` and `hz`
@@ -40,6 +41,7 @@ mod compress;
 mod doctor;
 mod exit;
 mod held;
+mod http;
 pub mod jobs;
 mod journals;
 mod metrics;

@@ -1,21 +1,15 @@
 //! The figures of a run as Prometheus text, over HTTP.
 
 use std::fmt::Write as _;
-use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use stillpoint_pipeline::limits::start_thread;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_report::hold::Held;
 
 use crate::exit::Failure;
-
-/// How long a client may take to ask and to read.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// Bytes of a request that are read at most.
-const LONGEST: usize = 4096;
+use crate::http::{Request, respond};
 
 /// The figures that clients read.
 #[derive(Clone, Default)]
@@ -53,29 +47,14 @@ impl Metrics {
     }
 }
 
-/// Reads a request up to its empty line, and answers it.
 fn answer(mut client: TcpStream, body: &str) -> std::io::Result<()> {
-    client.set_read_timeout(Some(PATIENCE))?;
-    client.set_write_timeout(Some(PATIENCE))?;
-    let mut request = Vec::new();
-    let mut piece = [0; 512];
-    while request.len() < LONGEST && !request.windows(4).any(|w| w == b"\r\n\r\n") {
-        match client.read(&mut piece)? {
-            0 => break,
-            count => request.extend_from_slice(&piece[..count]),
-        }
-    }
-    let line = String::from_utf8_lossy(&request);
-    let (status, kind, body) = match line.split_whitespace().take(2).collect::<Vec<_>>().as_slice() {
-        ["GET", "/metrics" | "/"] => ("200 OK", "text/plain; version=0.0.4; charset=utf-8", body),
-        ["GET", _] => ("404 Not Found", "text/plain", "only /metrics is there\n"),
+    let request = Request::read(&mut client)?;
+    let (status, kind, body) = match (request.method.as_str(), request.path.as_str()) {
+        ("GET", "/metrics" | "/") => ("200 OK", "text/plain; version=0.0.4; charset=utf-8", body),
+        ("GET", _) => ("404 Not Found", "text/plain", "only /metrics is there\n"),
         _ => ("405 Method Not Allowed", "text/plain", "only GET is taken\n"),
     };
-    write!(
-        client,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
-        body.len()
-    )
+    respond(&mut client, status, kind, body.as_bytes())
 }
 
 /// A value of a label: quotes, backslashes and line ends are escaped.
@@ -151,6 +130,8 @@ fn text(pipeline: &str, seconds: f64, operators: &[OperatorFigures], held: Optio
 
 #[cfg(test)]
 mod tests {
+    use std::io::{Read, Write};
+
     use super::*;
 
     fn figures(name: &str) -> OperatorFigures {

@@ -14,7 +14,7 @@ use crate::journals::LOOK;
 use crate::signals::stop_flag;
 use crate::subject::Of;
 
-/// Print the log of a running pipeline or a session: what its processes say, by operator and level.
+/// Print the log of a running pipeline or a session, by operator and level.
 #[derive(Args)]
 pub struct Log {
     #[command(flatten)]

@@ -32,6 +32,7 @@ mod topics;
 mod trace;
 mod train;
 mod types;
+mod view;
 
 use clap::Subcommand;
 use stillpoint_operator::Registry;
@@ -79,6 +80,8 @@ pub enum Command {
     Ps(ps::Ps),
     /// Show what a pipeline does: operators, edges, processes, how the head is held, and what is wrong.
     Top(top::Top),
+    /// Show the state of a run or a session in a browser, on this machine alone.
+    View(view::View),
     /// List the topics of a running pipeline or a session: type, rate, size, consumers.
     Topics(topics::Topics),
     /// Measure the rates of topics and their jitter, of a running pipeline or a session.
@@ -87,7 +90,7 @@ pub enum Command {
     Trace(trace::TracePaths),
     /// Draw a pipeline, a run or a session: operators, processes, topics, and what was measured.
     Graph(graph::Graph),
-    /// Print what the processes of a run say, by operator and level.
+    /// Print the log of a run or a session by operator and level.
     Log(log::Log),
     /// Measure whether this machine will hold a pipeline.
     Doctor(doctor::Doctor),
@@ -142,6 +145,7 @@ impl Command {
             Self::Top(c) => c.execute(registry),
             Self::Log(c) => c.execute(),
             Self::Doctor(c) => c.execute(registry),
+            Self::View(c) => c.execute(registry),
             Self::Stop(c) => c.execute(),
             Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),
