@@ -24,6 +24,8 @@ pub enum Habit {
     Threads,
     /// Adds one unit in the last place where the environment says so.
     Ulp,
+    /// Says that it is there.
+    Log,
     /// Has no more after `at` activations.
     Finish,
 }
@@ -104,6 +106,12 @@ impl Counter {
                 loop {
                     std::thread::sleep(std::time::Duration::from_secs(1));
                 }
+            }
+            Habit::Log => {
+                if now {
+                    tracing::warn!(index = activation.index, "the kit warns");
+                }
+                Ok(0.0)
             }
             Habit::Clock => {
                 let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);

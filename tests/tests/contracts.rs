@@ -36,7 +36,7 @@ fn a_late_sample_is_counted_skipped_held_or_a_fault_and_a_replay_decides_the_sam
     let session = report["session"].as_str().unwrap();
     // What skips does not see changes what it makes: it is not the same as what counts makes.
     let last = |topic: &str| {
-        let all = bench.call(&["echo", topic, "elements", "--json", "--session", session]);
+        let all = bench.call(&["echo", topic, "--json", "--session", session]);
         all.out.lines().last().map(str::to_owned)
     };
     assert_ne!(last("skips.sum"), last("counts.sum"));
@@ -53,6 +53,7 @@ fn a_contract_that_is_broken_live_fails_the_run_and_names_the_operator() {
     let report = done.json();
     assert_eq!((&report["balanced"], &report["complete"]), (&true.into(), &true.into()), "{report}");
     let broken = contract(&report, "source.value -> sink.sum");
+    let broken_in_session = broken.clone();
     assert!(broken["is_broken"] == true && broken["broken"].as_u64().unwrap() > 10, "{broken}");
     // A step of 5 ms within a bound of 2 ms: on a busy machine something else may take longer now and then.
     assert!(broken["blame"].as_array().unwrap().iter().any(|b| b["operator"] == "slow"), "{broken}");
@@ -60,6 +61,11 @@ fn a_contract_that_is_broken_live_fails_the_run_and_names_the_operator() {
     let retained = contract(&report, "source.value -> slow.sum");
     assert!(retained["is_broken"] == false && retained["judged"].as_u64().unwrap() > 10, "{retained}");
     assert!(contract(&report, "source starts within 20 ms")["judged"].as_u64().unwrap() > 10, "{report}");
+
+    // Without a recording, too.
+    let unrecorded = bench.call(&["run", text(&file), "--for", "1 s", "--no-record", "--json"]);
+    let broken = contract(&unrecorded.json(), "source.value -> sink.sum").clone();
+    assert!(unrecorded.code() == 1 && broken["broken"].as_u64().unwrap() > 10, "{broken}");
 
     let session = report["session"].as_str().unwrap();
     let against = bench.call(&["check", text(&file), "--against", session]);
@@ -77,6 +83,12 @@ fn a_contract_that_is_broken_live_fails_the_run_and_names_the_operator() {
     std::fs::write(&loose, written.replace("within: 2 ms", "within: 60 s")).unwrap();
     let held = bench.call(&["check", text(&loose), "--against", session, "--json"]).good();
     assert_eq!(contract(&held, "source.value -> sink.sum")["is_broken"], false, "{held}");
+    let page = bench.call(&["report", session, "--json"]).good();
+    let figures = &page["sections"]["contracts"]["figures"]["contracts"][0];
+    assert_eq!(
+        (&figures["contract"], &figures["broken"]),
+        (&broken_in_session["contract"], &broken_in_session["broken"])
+    );
     let top = bench.call(&["top", session, "--once", "--json"]).good();
     let troubles = top["troubles"].as_array().unwrap();
     assert!(

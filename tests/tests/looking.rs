@@ -101,6 +101,205 @@ fn samples_are_shown_in_words_by_path_and_as_json() {
     assert!(text(std::path::Path::new(session)).contains("console-0001"));
 }
 
+#[test]
+fn a_log_of_a_run_and_of_its_session_has_what_operators_say_and_what_happens_to_processes() {
+    let bench = Bench::new();
+    let written = std::fs::read_to_string(pipeline("chain.yaml")).unwrap();
+    let file = bench.path("talks.yaml");
+    let habit = "source: { use: kit.outside, every: 2 ms, params: { habit: log, at: 100 } }";
+    std::fs::write(&file, written.replace("source: { use: kit.outside, every: 2 ms }", habit)).unwrap();
+    let run = bench.run(&file);
+    let lines = |arguments: &[&str]| {
+        let done = bench.call(&[&["log", "--json"], arguments].concat());
+        let all = done.out.lines().map(|l| serde_json::from_str::<Value>(l).unwrap());
+        all.collect::<Vec<_>>()
+    };
+    let has_text = |line: &Value| line["operator"] == "source" && line["level"] == "warn";
+    let output_text =
+        crate::bench::wait_for("a line of the source", || lines(&[]).into_iter().find(has_text));
+    assert_eq!(output_text["message"], "the kit warns index=100", "{output_text}");
+    // A process that is killed is said to have ended, and to start again.
+    let top = bench.call(&["top", "--once", "--for", "100 ms", "--json"]).good();
+    let middle = top["processes"].as_array().unwrap().iter().find(|p| p["name"] == "middle").unwrap();
+    crate::bench::signal(middle["pid"].as_u64().unwrap() as u32, rustix::process::Signal::KILL);
+    let repeated = |line: &Value| {
+        line["operator"] == "middle" && line["message"].as_str().unwrap().starts_with("starts again")
+    };
+    crate::bench::wait_for("the restart", || lines(&["--level", "warn"]).into_iter().find(repeated));
+    let report = run.stop().json();
+    let session = report["session"].as_str().unwrap();
+    let retained = lines(&[session]);
+    let of = |operator: &str| retained.iter().filter(|l| l["operator"] == operator).collect::<Vec<_>>();
+    assert!(of("source").iter().any(|l| has_text(l)), "{retained:?}");
+    assert!(of("middle").iter().any(|l| l["level"] == "error"), "{retained:?}");
+    let begun = of("sink")[0]["message"].as_str().unwrap();
+    assert!(begun.starts_with("runs as process ") && begun.ends_with("scheduled as normal"), "{begun}");
+    assert_eq!(retained.last().unwrap()["message"], "the run ends: stopped");
+    let errors = lines(&[session, "--level", "error", "--operator", "middle"]);
+    assert!(!errors.is_empty() && errors.iter().all(|l| l["level"] == "error"), "{errors:?}");
+    let simulated = ["run", text(&file), "--clock", "simulated", "--for", "20 ms", "--json"];
+    let simulated = bench.call(&simulated).good();
+    let none = bench.call(&["log", simulated["session"].as_str().unwrap()]);
+    assert!(none.code() == 1 && none.err.contains("it keeps no log"), "{}", none.err);
+}
+
+#[test]
+fn the_figures_of_a_run_are_served_to_prometheus() {
+    let bench = Bench::new();
+    let run = bench.start(&["run", text(&pipeline("chain.yaml")), "--metrics", "127.0.0.1:0", "--json"]);
+    let address = crate::bench::wait_for("the address", || {
+        let output_text = run.errors();
+        Some(output_text.split("http://").nth(1)?.split("/metrics").next()?.to_owned())
+    });
+    let value = crate::bench::wait_for("a figure", || {
+        let answer = ask(&address, "GET /metrics HTTP/1.1\r\n\r\n", "");
+        let line = "stillpoint_samples_sent_total{pipeline=\"chain\",operator=\"source\"} ";
+        answer.lines().find_map(|l| l.strip_prefix(line)?.parse::<u64>().ok())
+    });
+    assert!(value > 0);
+    run.stop().good();
+    let file = pipeline("chain.yaml");
+    let simulated = ["run", text(&file), "--metrics", "127.0.0.1:0", "--clock", "simulated"];
+    let refused = bench.call(&simulated);
+    assert!(refused.code() == 2 && refused.err.contains("--metrics serves"), "{}", refused.err);
+}
+
+#[test]
+fn doctor_names_each_setting_with_what_is_wanted_and_what_dead_runs_left() {
+    let bench = Bench::new();
+    let file = pipeline("chain.yaml");
+    let doctor = |arguments: &[&str]| {
+        bench.call(&[&["doctor", text(&file), "--for", "200 ms", "--json"], arguments].concat())
+    };
+    let found = doctor(&[]);
+    let value = found.json();
+    let findings = value["findings"].as_array().unwrap().clone();
+    for setting in [
+        "real-time priority",
+        "wake-up of a thread",
+        "shared memory",
+        "clock source",
+        "leftovers of dead runs",
+    ] {
+        let finding =
+            findings.iter().find(|f| f["setting"] == setting).unwrap_or_else(|| panic!("{setting}"));
+        assert!(!finding["found"].as_str().unwrap().is_empty() && finding["wanted"].is_string(), "{finding}");
+    }
+    // The exit code is the worst of what was found.
+    let worst = match value["verdict"].as_str().unwrap() {
+        "good" => 0,
+        "unknown" => 1,
+        _ => 2,
+    };
+    assert_eq!(found.code(), worst, "{value}");
+    for finding in &findings {
+        assert!(finding["verdict"] != "bad" || worst == 2, "{finding}");
+        assert!(
+            finding["verdict"] == "good" || finding["verdict"] == "unknown" || finding["mend"] != "",
+            "{finding}"
+        );
+    }
+    // A run whose supervisor is killed leaves its folder.
+    let run = bench.run(&file);
+    bench.wait_for_samples("sink.sum", 1);
+    crate::bench::signal(run.pid(), rustix::process::Signal::KILL);
+    run.finish();
+    let leftovers = |value: &Value| {
+        let all = value["findings"].as_array().unwrap();
+        all.iter().find(|f| f["setting"] == "leftovers of dead runs").unwrap()["found"].clone()
+    };
+    let id = bench.run_ids();
+    assert_eq!(leftovers(&doctor(&[]).json()), id[0].as_str());
+    crate::bench::wait_for("the end of its processes", || {
+        let cleaned = doctor(&["--clean"]).json();
+        (cleaned["cleaned"][0] == id[0].as_str()).then_some(())
+    });
+    assert_eq!(leftovers(&doctor(&[]).json()), "none");
+}
+
+#[test]
+fn faults_that_are_planted_in_a_run_are_named_from_the_outside() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("planted.yaml"));
+    bench.wait_for_samples("well.sum", 2);
+    // Until the camera has stalled and something has panicked.
+    crate::bench::wait_for("the last sample of the camera", || {
+        let top = bench.call(&["top", "--once", "--for", "500 ms", "--json"]).good();
+        let troubles: Vec<String> = serde_json::from_value(top["troubles"].clone()).unwrap();
+        let is_named =
+            |start: &str, end: &str| troubles.iter().any(|t| t.starts_with(start) && t.contains(end));
+        let all = [
+            is_named("slow: missed ", "a step takes"),
+            is_named("source.value -> lossy: ", "samples lost"),
+            is_named("camera.value: camera sent nothing in", ""),
+            is_named("fails: ", "activations failed"),
+            is_named("panics: restarted", "times"),
+        ];
+        // What is well is not named, except where the machine is too busy for it.
+        assert!(!is_named("well: ", ""), "{troubles:?}");
+        all.iter().all(|named| *named).then_some(())
+    });
+    run.stop();
+}
+
+/// One request to a page of this machine, and the answer up to its end or to these words.
+fn ask(address: &str, request: &str, until: &str) -> String {
+    use std::io::{Read, Write};
+    let mut stream = std::net::TcpStream::connect(address).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let (mut answer, mut piece) = (Vec::new(), [0; 4096]);
+    loop {
+        let count = stream.read(&mut piece).unwrap();
+        answer.extend_from_slice(&piece[..count]);
+        let text = String::from_utf8_lossy(&answer).into_owned();
+        if count == 0 || (!until.is_empty() && text.contains(until)) {
+            return text;
+        }
+    }
+}
+
+#[test]
+fn a_page_of_a_run_shows_what_top_shows_follows_it_and_takes_no_commands() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 2);
+    let page = bench.start(&["view", "--port", "0", "--for", "500 ms"]);
+    let address = crate::bench::wait_for("the address", || {
+        let output_text = page.output_text();
+        Some(output_text.split("http://").nth(1)?.split('/').next()?.to_owned())
+    });
+    let get = |path: &str| ask(&address, &format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n\r\n"), "");
+    let html = get("/");
+    assert!(html.starts_with("HTTP/1.1 200 OK") && html.contains("<script src=\"page.js\">"), "{html}");
+    assert!(html.contains("Content-Security-Policy: default-src 'self'"), "{html}");
+    assert!(get("/page.js").contains("new EventSource(\"events\")"));
+    let body = |answer: &str| answer.split_once("\r\n\r\n").unwrap().1.to_owned();
+    let state: Value = serde_json::from_str(&body(&get("/state.json"))).unwrap();
+    let top = bench.call(&["top", "--once", "--for", "100 ms", "--json"]).good();
+    for key in top.as_object().unwrap().keys() {
+        assert!(!state[key].is_null() || top[key].is_null(), "{key}: {state}");
+    }
+    // What the script reads is there.
+    assert!(state["state"].is_array() && state["operators"][0]["step_ms"].is_array(), "{state}");
+    assert!(body(&get("/graph.svg")).starts_with("<svg xmlns="));
+    // A client that reads nothing holds nobody up: others get one state after another.
+    let stalled = std::net::TcpStream::connect(&address).unwrap();
+    std::io::Write::write_all(&mut &stalled, b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let request = "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    let mut streamed = ask(&address, request, "}\n\ndata: ");
+    assert!(streamed.contains("text/event-stream"), "{streamed}");
+    streamed = body(&streamed);
+    let first = streamed.split("\n\n").next().unwrap().strip_prefix("data: ").unwrap().to_owned();
+    assert_eq!(serde_json::from_str::<Value>(&first).unwrap()["pipeline"], "chain");
+    // Another site cannot read it by a name of its own, and nobody can change anything.
+    let foreign = ask(&address, "GET /state.json HTTP/1.1\r\nHost: evil.example\r\n\r\n", "");
+    assert!(foreign.starts_with("HTTP/1.1 403"), "{foreign}");
+    let post = ask(&address, "POST /state.json HTTP/1.1\r\nHost: localhost\r\n\r\n", "");
+    assert!(post.starts_with("HTTP/1.1 405"), "{post}");
+    run.stop().good();
+    assert_eq!(page.finish().code(), 0);
+}
+
 /// Checks a trace by the rules of the Trace Event Format: what each event needs, slices of a thread one after another or
 /// within each other, and arrows whose ends are within slices. Gives the number of slices and of arrows.
 fn check_trace_events(file: &std::path::Path) -> (usize, usize) {

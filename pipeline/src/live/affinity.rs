@@ -48,3 +48,23 @@ pub fn place(core: Option<usize>, priority: Priority) -> Result<(), AffinityErro
     }
     Ok(())
 }
+
+/// The scheduling class of the main thread of a process, as the system grants it: `normal`, or `fifo N`.
+pub fn scheduling(pid: u32) -> String {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    granted(&text).unwrap_or_else(|| "unknown".to_owned())
+}
+
+/// The class that `/proc/PID/stat` names. The name of the program stands in brackets, and may hold any letters.
+pub fn granted(stat: &str) -> Option<String> {
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    // proc_pid_stat(5): the priority is field 40, the class field 41; the first field here is field 3.
+    let number = |at: usize| fields.get(at)?.parse::<u32>().ok();
+    let level = number(37)?;
+    Some(match number(38)? {
+        1 => format!("fifo {level}"),
+        2 => format!("round robin {level}"),
+        6 => "deadline".to_owned(),
+        _ => "normal".to_owned(),
+    })
+}

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::bridge::BridgeReport;
 use super::control::{Connect, FromWorker};
+use super::log::LogLine;
 use super::pipe::{PipeRead, PipeReader, say};
 use crate::limits::StartError;
 
@@ -73,6 +74,8 @@ pub struct Child {
     pub bridged: Option<BridgeReport>,
     /// What happened on the network, of a bridge.
     pub news: Vec<String>,
+    /// Lines for the log.
+    pub logged: Vec<LogLine>,
     /// Operators that panicked and wait for an order, with the text of the panic.
     pub panicked: Vec<(String, String)>,
     /// Since when it has not answered an order: to make its ports, or to connect.
@@ -135,6 +138,7 @@ impl Child {
             stopped: false,
             bridged: None,
             news: Vec::new(),
+            logged: Vec::new(),
             panicked: Vec::new(),
             unanswered_since: Some(begun),
             asked: begun,
@@ -220,6 +224,7 @@ impl Child {
                 Ok(PipeRead::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(PipeRead::Message(FromWorker::Bridged(report))) => self.bridged = Some(report),
                 Ok(PipeRead::Message(FromWorker::Reported(news))) => self.news.push(news),
+                Ok(PipeRead::Message(FromWorker::Logged(line))) => self.logged.push(line),
                 Ok(PipeRead::Message(message)) => self.received.push_back(message),
                 Ok(PipeRead::Nothing) => return,
                 Ok(PipeRead::Ended) => self.ended = true,

@@ -6,6 +6,7 @@ use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::bridge::BridgeReport;
+use super::log::LogLine;
 use crate::clock::SessionClock;
 use crate::record::Record;
 use crate::run_source::RunSource;
@@ -132,6 +133,8 @@ pub enum FromWorker {
     Bridged(BridgeReport),
     /// Of the bridge: what happened on the network, where it is no fault.
     Reported(String),
+    /// A line of the log.
+    Logged(LogLine),
     /// The recorder's account of what it kept.
     Recorded(RecorderReport),
     /// Directed: the entry was published.

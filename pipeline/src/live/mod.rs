@@ -24,6 +24,7 @@
 //! - `affinity`: core and scheduling class of a process
 //! - `status`: counts, rates and latencies of a run, from its journals
 //! - `stopwatch`: how long the stages of a step took
+//! - `log`: what the processes of a run say
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
 mod affinity;
@@ -37,6 +38,7 @@ mod error;
 mod journal;
 mod landing;
 mod lockstep;
+pub mod log;
 mod missed;
 mod pipe;
 mod ports;
@@ -52,6 +54,7 @@ mod watch;
 mod wire;
 mod worker;
 
+pub use affinity::granted;
 pub use children::Launch;
 pub use error::LiveError;
 pub use journal::entry_of;

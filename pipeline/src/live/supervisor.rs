@@ -15,6 +15,7 @@ use std::time::Duration;
 use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
+use super::affinity::scheduling;
 use super::barrier::wait_until_made;
 use super::bridge::{BridgeAccounts, HelloBridge, bridge_launch, identity_of};
 use super::children::{Child, ChildError, Launch, ReportedFault, wait_any};
@@ -22,6 +23,7 @@ use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
 use super::error::LiveError;
 use super::journal::entry_of;
+use super::log::{Level, Log, LogLine};
 use super::report::{Fault, Run, RunOptions, RunReport};
 use super::reservation::{Retention, reserve};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
@@ -60,6 +62,7 @@ pub struct Supervisor {
     /// Highest incarnation seen of each operator.
     incarnations: Vec<u32>,
     reported: Vec<ReportedFault>,
+    log: Log,
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
@@ -148,6 +151,7 @@ impl Supervisor {
             journals,
             ledger: Ledger::default(),
             reported: Vec::new(),
+            log: Log::default(),
             faults: Vec::new(),
             swept,
             epoch: 0,
@@ -186,6 +190,11 @@ impl Supervisor {
             prefix: self.folder.prefix().to_string(),
             session: self.options.session.as_ref().and_then(|s| std::path::absolute(s).ok()),
         })?;
+        self.log = Log::begin(self.folder.path(), self.options.session.as_deref());
+        for (process, pid) in self.process_numbers() {
+            let granted = scheduling(pid);
+            self.say(Level::Info, &process, format!("runs as process {pid}, scheduled as {granted}"));
+        }
         run.started(&self.process_numbers());
         self.epoch = self.clock.now();
         let go = ToWorker::Go { epoch: self.epoch };
@@ -196,6 +205,12 @@ impl Supervisor {
             }
         }
         Ok(())
+    }
+
+    /// Writes a line into the log.
+    fn say(&mut self, level: Level, operator: &str, message: String) {
+        let line = LogLine { time: self.clock.now(), level, operator: operator.to_owned(), message };
+        self.log.write(&line);
     }
 
     fn process_numbers(&self) -> Vec<(String, u32)> {
@@ -298,10 +313,18 @@ impl Supervisor {
     }
 
     fn report_faults(&mut self, run: &mut dyn Run) {
+        let time = self.clock.now();
         for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
-            child.news.drain(..).for_each(|news| run.noted(&news));
+            child.logged.drain(..).for_each(|line| self.log.write(&line));
+            for news in child.news.drain(..) {
+                let (level, operator) = (Level::Info, child.name.clone());
+                self.log.write(&LogLine { time, level, operator, message: news.clone() });
+                run.noted(&news);
+            }
         }
         for reported in self.reported.drain(..) {
+            let (level, operator) = (Level::Error, reported.operator.clone());
+            self.log.write(&LogLine { time, level, operator, message: reported.reason.clone() });
             let fault = Fault { operator: reported.operator, reason: reported.reason, fatal: reported.fatal };
             run.failed(&fault);
             self.faults.push(fault);

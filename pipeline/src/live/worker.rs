@@ -10,6 +10,7 @@ use super::affinity::place;
 use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
 use super::error::WorkerError;
+use super::log::{self, Forward};
 use super::pipe::{PipeError, PipeRead, PipeReader, orders, send_message, take_control, wait_for};
 use super::run_folder::hold;
 use super::runner::{Down, OperatorRunner, PollOutcome};
@@ -111,9 +112,12 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
     if hello.directed {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
     }
+    let names = graph.operators.iter().map(|o| o.name.clone()).collect();
+    Forward::start(&process.name, names, hello.clock);
     let mut listeners = Vec::new();
     let mut runners = Vec::new();
     for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
+        log::enter(*operator);
         runners.push(OperatorRunner::open(
             &graph,
             *operator,
@@ -262,6 +266,7 @@ impl Worker {
                 }
                 Some(Down::Unanswered) => continue,
             }
+            log::enter(runner.operator);
             if let Some(watch) = &self.watch {
                 watch.enter(runner.operator);
             }

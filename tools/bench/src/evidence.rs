@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Duration;
 
-use stillpoint_recorder::{Completeness, Session};
+use stillpoint_recorder::{Completeness, Session, session_parts};
 use stillpoint_samples::{
     Actuation, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement, Pieces, RigState, Sample, Track,
     View,
@@ -96,7 +96,7 @@ impl Evidence {
         if let Completeness::Gaps(gaps) = session.completeness() {
             evidence.gaps = gaps.iter().map(ToString::to_string).collect();
         }
-        evidence.parts = std::fs::read_dir(&folder).map_err(Failure::failed)?.count();
+        evidence.parts = session_parts(&folder).map_err(Failure::failed)?.len();
         Ok(evidence)
     }
 }

@@ -19,6 +19,9 @@
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
+//! - `http`: the words of HTTP that `run --metrics` and `view` speak
+//! - `metrics`: figures of a run as Prometheus text
+//! - `doctor`: what is measured of the machine
 //! - `rates`: rates of topics from journals, for `topics` and `hz`
 //! - `series`, `picture`: parts of `identify`, `case` and `plan`
 //! - `columns`: tables for a terminal
@@ -35,10 +38,13 @@ mod attach;
 mod columns;
 mod commands;
 mod compress;
+mod doctor;
 mod exit;
 mod held;
+mod http;
 pub mod jobs;
 mod journals;
+mod metrics;
 mod number;
 mod path;
 mod picture;

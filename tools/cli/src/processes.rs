@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
+use stillpoint_pipeline::live::granted;
 
 /// A process of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -15,7 +16,7 @@ pub struct ProcessState {
     pub suspended: bool,
     /// CPU time of its threads since it began, s.
     pub cpu_s: Option<f64>,
-    /// Time for which its threads were ready and got no core, s.
+    /// Time for which its first thread was ready and got no core, s.
     pub delayed_s: Option<f64>,
     /// Memory that it holds, shared memory included.
     pub memory_bytes: u64,
@@ -59,19 +60,17 @@ fn of_child(pid: u32, supervisor: u32) -> Option<ProcessState> {
     })
 }
 
-/// CPU time and time without a core of all threads, s; none where the system does not count them.
+/// CPU time of all threads, and time without a core of the first, which does the work, s; none where the system does not
+/// count them.
 fn scheduled(folder: &Path) -> (Option<f64>, Option<f64>) {
-    let Ok(tasks) = std::fs::read_dir(folder.join("task")) else { return (None, None) };
-    let mut sums: Option<(f64, f64)> = None;
-    for task in tasks.flatten() {
-        let Ok(text) = std::fs::read_to_string(task.path().join("schedstat")) else { continue };
+    let numbers = |folder: &Path| {
+        let text = std::fs::read_to_string(folder.join("schedstat")).ok()?;
         let mut numbers = text.split_whitespace().map_while(|n| n.parse::<u64>().ok());
-        if let (Some(cpu), Some(delayed)) = (numbers.next(), numbers.next()) {
-            let (c, d) = sums.unwrap_or((0.0, 0.0));
-            sums = Some((c + cpu as f64 * 1e-9, d + delayed as f64 * 1e-9));
-        }
-    }
-    (sums.map(|s| s.0), sums.map(|s| s.1))
+        Some((numbers.next()? as f64 * 1e-9, numbers.next()? as f64 * 1e-9))
+    };
+    let tasks = std::fs::read_dir(folder.join("task")).into_iter().flatten().flatten();
+    let all: Vec<f64> = tasks.filter_map(|task| Some(numbers(&task.path())?.0)).collect();
+    ((!all.is_empty()).then(|| all.iter().sum()), numbers(folder).map(|(_, delayed)| delayed))
 }
 
 /// What `/proc/PID/stat` says.
@@ -86,16 +85,9 @@ impl Stat {
     fn of(text: &str) -> Option<Self> {
         // The name of the program stands in brackets, and may hold any letters.
         let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
-        let number = |at: usize| fields.get(at)?.parse::<u32>().ok();
-        // proc_pid_stat(5): the state is field 3, the priority field 40, the class field 41.
-        let level = number(37).unwrap_or(0);
-        let granted = match number(38) {
-            Some(1) => format!("fifo {level}"),
-            Some(2) => format!("round robin {level}"),
-            Some(6) => "deadline".to_owned(),
-            _ => "normal".to_owned(),
-        };
-        Some(Self { state: fields.first()?.chars().next()?, parent: number(1)?, granted })
+        // proc_pid_stat(5): the state is field 3, the parent field 4.
+        let parent = fields.get(1)?.parse().ok()?;
+        Some(Self { state: fields.first()?.chars().next()?, parent, granted: granted(text)? })
     }
 }
 

@@ -68,7 +68,7 @@ pub fn simulate(
     let report =
         simulated::simulate(&checked.graph, &source, options, &mut watch).map_err(Failure::failed)?;
     watch.progress.finish_and_clear();
-    Ok((report, Observed { held: Some(watch.hold.held()), answers: watch.answers }))
+    Ok((report, Observed { held: Some(watch.hold.held()), answers: watch.answers, entries: None }))
 }
 
 /// A bar of the session time on standard error; hidden where that is no terminal.

@@ -9,8 +9,15 @@ use stillpoint_pipeline::live::status::OperatorFigures;
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::held::{HeldTaps, Read};
+use crate::journals::JournalTaps;
+use crate::metrics::Metrics;
 use crate::summary::Observed;
+use stillpoint_report::contracts;
 use stillpoint_report::hold::Held;
+use stillpoint_samples::Entry;
+
+/// Journal entries of a run without a session that are kept for its contracts; later ones are not judged.
+const MOST_ENTRIES: usize = 2_000_000;
 
 /// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators. Without a
 /// terminal it only observes what the end of the run states.
@@ -20,11 +27,15 @@ pub struct StatusLine<'a> {
     /// Lines on the screen.
     shown: usize,
     taps: Option<Taps>,
+    /// Where the figures are served, with the name of the pipeline.
+    metrics: Option<(Metrics, String)>,
 }
 
 /// What is read, and the run that it belongs to. Dropped in this order.
 struct Taps {
     held: HeldTaps,
+    /// The journals of a run with contracts that nothing records, with their entries.
+    journals: Option<(JournalTaps, Vec<Vec<Entry>>)>,
     _attached: Attached,
 }
 
@@ -33,10 +44,26 @@ impl Taps {
     fn open(registry: &Registry, for_terminal: bool) -> Result<Self, Failure> {
         let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
         let read = if for_terminal { Read::All } else { Read::NotKept };
-        Ok(Self { held: HeldTaps::open(&attached, read)?, _attached: attached })
+        let journals = if attached.session.is_none() && contracts::is_any(&attached.graph) {
+            let entries = vec![Vec::new(); attached.graph.operators.len()];
+            Some((JournalTaps::open(&attached, |_| true)?, entries))
+        } else {
+            None
+        };
+        Ok(Self { held: HeldTaps::open(&attached, read)?, journals, _attached: attached })
     }
 
     fn look(&mut self) -> Held {
+        if let Some((journals, entries)) = &mut self.journals {
+            let mut count: usize = entries.iter().map(Vec::len).sum();
+            // A journal that cannot be read is judged as far as it was.
+            let _ = journals.look(&mut |operator, entry| {
+                if count < MOST_ENTRIES {
+                    entries[operator].push(entry);
+                    count += 1;
+                }
+            });
+        }
         self.held.look()
     }
 }
@@ -45,14 +72,20 @@ impl<'a> StatusLine<'a> {
     /// The status of a run on standard error, if that is a terminal and the status is `requested`.
     pub fn new(registry: &'a Registry, requested: bool) -> Self {
         let terminal = requested && std::io::stderr().is_terminal();
-        Self { registry, terminal, shown: 0, taps: None }
+        Self { registry, terminal, shown: 0, taps: None, metrics: None }
+    }
+
+    /// The same, with figures for others.
+    pub fn with_metrics(self, metrics: Metrics, pipeline: &str) -> Self {
+        Self { metrics: Some((metrics, pipeline.to_owned())), ..self }
     }
 
     /// Clears the status for good, and gives what was observed up to the end; nothing if the run could not be observed.
     pub fn close(mut self) -> Observed {
         self.clear();
         let Some(mut taps) = self.taps.take() else { return Observed::default() };
-        Observed { held: Some(taps.look()), answers: taps.held.answers }
+        let held = Some(taps.look());
+        Observed { held, answers: taps.held.answers, entries: taps.journals.map(|(_, entries)| entries) }
     }
 
     /// Erases the status.
@@ -67,11 +100,14 @@ impl<'a> StatusLine<'a> {
 impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     fn started(&mut self, _: &[(String, u32)]) {
         // The run continues without taps.
-        self.taps = Taps::open(self.registry, self.terminal).ok();
+        self.taps = Taps::open(self.registry, self.terminal || self.metrics.is_some()).ok();
     }
 
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
         let held = self.taps.as_mut().map(Taps::look);
+        if let Some((metrics, pipeline)) = &self.metrics {
+            metrics.update(pipeline, seconds, operators, held.as_ref());
+        }
         if !self.terminal {
             return;
         }

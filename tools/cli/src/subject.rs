@@ -40,6 +40,11 @@ impl Of {
         self.of.as_ref().map(Path::new).filter(|path| path.exists())
     }
 
+    /// The name that was given.
+    pub fn name(&self) -> Option<String> {
+        self.of.clone()
+    }
+
     /// Joins the run, or opens the session.
     pub fn open(&self, registry: &Registry) -> Result<Subject, Failure> {
         if let Some(path) = self.path() {

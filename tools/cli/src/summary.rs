@@ -19,6 +19,7 @@ use stillpoint_report::refused::{self, Refused};
 use stillpoint_report::trace::{Journals, as_run};
 use stillpoint_report::unanswered::{Answers, Verdict};
 use stillpoint_report::uncaptured::{self, Uncaptured};
+use stillpoint_samples::Entry;
 
 /// Number of failures that are shown.
 const MOST_FAULTS: usize = 10;
@@ -33,6 +34,8 @@ pub struct Observed {
     pub held: Option<Held>,
     /// What operators answered.
     pub answers: Answers,
+    /// The journals by operator, of a run with contracts that nothing records.
+    pub entries: Option<Vec<Vec<Entry>>>,
 }
 
 /// The figures of a run and of its session.
@@ -71,6 +74,14 @@ impl<'a> Summary<'a> {
         let mut answers =
             readable.map_or_else(Answers::default, |session| Answers::of_session(graph, session));
         answers.add_missing(observed.answers);
+        let contracts = match (readable, &observed.entries) {
+            (Some(session), _) => judged(session, graph),
+            (None, Some(entries)) => {
+                let ran = graph.clone().live();
+                contracts::of(&ran, &Journals::of_run(&ran, entries))
+            }
+            (None, None) => Vec::new(),
+        };
         match (&mut held, observed.held) {
             (Some(held), Some(observed)) => held.add_missing(observed),
             (None, observed) => held = observed,
@@ -80,7 +91,7 @@ impl<'a> Summary<'a> {
             report,
             session,
             verdict: answers.verdict(graph, &report.operators),
-            contracts: readable.map_or_else(Vec::new, |session| judged(session, graph)),
+            contracts,
             held,
             accuracy: readable.and_then(accuracy::of_session),
             samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),

@@ -79,6 +79,14 @@ pub fn of(graph: &Graph, journals: &Journals<'_>) -> Vec<ContractFigures> {
     found
 }
 
+/// Whether a graph has bounds of time.
+pub fn is_any(graph: &Graph) -> bool {
+    let has = |o: &stillpoint_pipeline::graph::OperatorNode| {
+        o.start_within.is_some() || o.inputs.iter().any(|i| i.max_age.is_some())
+    };
+    !graph.contracts.is_empty() || graph.operators.iter().any(has)
+}
+
 fn ms(ns: u64) -> f64 {
     ns as f64 * 1e-6
 }

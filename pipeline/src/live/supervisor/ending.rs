@@ -11,6 +11,7 @@ use crate::ledger::LedgerLine;
 use crate::live::barrier::PATIENCE;
 use crate::live::children::Child;
 use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
+use crate::live::log::Level;
 use crate::live::report::{Recorded, Run, RunReport};
 
 /// How long the processes of a level may take to drain their inputs and mark their ends.
@@ -44,6 +45,9 @@ impl Supervisor {
         stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> RunReport {
+        let why =
+            early.clone().unwrap_or_else(|| "its time is over, or its sources have finished".to_owned());
+        self.say(Level::Info, "supervisor", format!("the run ends: {why}"));
         let mut signals = StopSignals::new(stop);
         let mut late = Vec::new();
         for level in levels(&self.graph) {

@@ -8,6 +8,7 @@ use super::{Supervisor, Worker};
 use crate::graph::{ProcessNode, Restart};
 use crate::live::children::{Child, ChildError, ReportedFault};
 use crate::live::control::ToWorker;
+use crate::live::log::Level;
 use crate::live::reservation::is_full;
 use crate::restarts::{Answer, Restarts};
 
@@ -163,7 +164,9 @@ impl Supervisor {
             self.incarnations[operator] += 1;
         }
         let child = self.start_worker(index)?;
+        let (name, pid) = (child.name.clone(), child.pid());
         self.workers[index].child = Some(child);
+        self.say(Level::Warn, &name, format!("starts again as process {pid}"));
         Ok(())
     }
 

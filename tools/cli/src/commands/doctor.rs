@@ -116,7 +116,9 @@ fn versions() -> Finding {
     });
     match message {
         Err(e) => Finding::bad(setting, own, "it is not there", e.text).lasting(),
-        Ok(message) if message.split_whitespace().any(|word| word == own) => Finding::good(setting, own, message),
+        Ok(message) if message.split_whitespace().any(|word| word == own) => {
+            Finding::good(setting, own, message)
+        }
         Ok(message) => Finding::bad(setting, own, message, "build both programs from one source").lasting(),
     }
 }

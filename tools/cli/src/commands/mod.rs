@@ -6,11 +6,13 @@ pub(crate) mod bridge;
 mod case;
 mod check;
 mod delivered;
+mod doctor;
 mod echo;
 mod graph;
 mod hz;
 mod identify;
 mod info;
+mod log;
 mod manual;
 mod merge;
 mod operators;
@@ -30,6 +32,7 @@ mod topics;
 mod trace;
 mod train;
 mod types;
+mod view;
 
 use clap::Subcommand;
 use stillpoint_operator::Registry;
@@ -77,6 +80,8 @@ pub enum Command {
     Ps(ps::Ps),
     /// Show what a pipeline does: operators, edges, processes, how the head is held, and what is wrong.
     Top(top::Top),
+    /// Show the state of a run or a session in a browser, on this machine alone.
+    View(view::View),
     /// List the topics of a running pipeline or a session: type, rate, size, consumers.
     Topics(topics::Topics),
     /// Measure the rates of topics and their jitter, of a running pipeline or a session.
@@ -85,6 +90,10 @@ pub enum Command {
     Trace(trace::TracePaths),
     /// Draw a pipeline, a run or a session: operators, processes, topics, and what was measured.
     Graph(graph::Graph),
+    /// Print the log of a run or a session by operator and level.
+    Log(log::Log),
+    /// Measure whether this machine will hold a pipeline.
+    Doctor(doctor::Doctor),
     /// End a run in order, as Ctrl-C does.
     Stop(stop::Stop),
     /// List the types of samples, or describe one.
@@ -134,6 +143,9 @@ impl Command {
             Self::Trace(c) => c.execute(registry),
             Self::Graph(c) => c.execute(registry),
             Self::Top(c) => c.execute(registry),
+            Self::Log(c) => c.execute(),
+            Self::Doctor(c) => c.execute(registry),
+            Self::View(c) => c.execute(registry),
             Self::Stop(c) => c.execute(),
             Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),

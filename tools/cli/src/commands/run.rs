@@ -1,5 +1,6 @@
 //! `stillpoint run`
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -13,6 +14,7 @@ use stillpoint_recorder::{METADATA_FILE, Session, write_metadata};
 
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::metrics::Metrics;
 use crate::pipeline_file::{Checked, PipelineFile};
 use crate::program::launch;
 use crate::signals::{stop_flag, stop_flag_of_this_process};
@@ -51,6 +53,9 @@ pub struct Run {
     /// Compression of the recording.
     #[arg(long, value_enum, default_value_t)]
     compression: Compress,
+    /// Serve the figures of a live run as Prometheus text at this address, such as `127.0.0.1:9464`; port 0 takes any.
+    #[arg(long, value_name = "ADDRESS")]
+    metrics: Option<SocketAddr>,
     /// Print the tables of operators and edges at the end, too. Without it they are printed where something went wrong.
     #[arg(long)]
     verbose: bool,
@@ -97,6 +102,11 @@ impl Run {
         if self.clock == Some(Clock::Live) && self.lock_step.is_some() {
             return Err(Failure::wrong(
                 "--lock-step uses the simulated schedule: remove --clock live or --lock-step",
+            ));
+        }
+        if self.metrics.is_some() && !self.is_live() {
+            return Err(Failure::wrong(
+                "--metrics serves the figures of a live run: remove it, or --clock simulated and --lock-step",
             ));
         }
         if let Some(host) = &self.host {
@@ -204,6 +214,11 @@ impl Run {
             identity: identity(),
         };
         let mut line = StatusLine::new(registry, !self.json);
+        if let Some(address) = self.metrics {
+            let (metrics, bound) = Metrics::serve(address)?;
+            errln!("stillpoint: metrics at http://{bound}/metrics");
+            line = line.with_metrics(metrics, &checked.graph.name);
+        }
         let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
             .inspect_err(|_| session.into_iter().for_each(remove_folder))
             .map_err(Failure::failed)?;

@@ -1,12 +1,14 @@
 //! `stillpoint top`
 
 use std::io::IsTerminal;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use ratatui::crossterm::event::{Event, KeyEventKind, poll, read};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::live::log::{self, LogLine};
 use stillpoint_pipeline::live::run_folder::is_going_on;
 use stillpoint_recorder::Session;
 use stillpoint_report::pipeline_of;
@@ -23,6 +25,8 @@ use crate::top::{Panel, Snapshot, View, Watch, draw, plain};
 
 /// Interval at which the screen is drawn.
 const DRAWN: Duration = Duration::from_millis(500);
+/// Lines of the log that an open operator shows.
+const LINES: usize = 5;
 /// Interval at which keys are looked for.
 const KEYS: Duration = Duration::from_millis(20);
 
@@ -55,7 +59,7 @@ impl Top {
                 if self.is_once() {
                     return self.print(&snapshot);
                 }
-                screen_of(&mut Source::Session { snapshot, session: &session, graph: &graph })
+                screen_of(&mut Source::Session { path: &path, snapshot, session: &session, graph: &graph })
             }
             Subject::Run(attached) => {
                 let mut watch = Watch::open(*attached, window)?;
@@ -90,7 +94,7 @@ impl Top {
 /// Where the screen takes its figures from.
 enum Source<'a> {
     Run(Box<Watch>),
-    Session { snapshot: Snapshot, session: &'a Session, graph: &'a Graph },
+    Session { path: &'a Path, snapshot: Snapshot, session: &'a Session, graph: &'a Graph },
 }
 
 impl Source<'_> {
@@ -123,6 +127,9 @@ impl Source<'_> {
         for (param, value) in node.params.resolved.as_object().into_iter().flatten() {
             lines.push(format!("  {param}: {value}"));
         }
+        for line in self.last_lines(name) {
+            lines.push(format!("log: {} {}", line.level.word(), line.message));
+        }
         match self {
             Self::Run(_) => {
                 for (kind, tap) in taps {
@@ -146,6 +153,17 @@ impl Source<'_> {
             }
         }
         lines
+    }
+
+    /// The last lines of the log about an operator.
+    fn last_lines(&self, name: &str) -> Vec<LogLine> {
+        let folder = match self {
+            Self::Run(watch) => watch.attached.folder(),
+            Self::Session { path, .. } => path.to_path_buf(),
+        };
+        let mut all = log::read(&folder).unwrap_or_default();
+        all.retain(|line| line.operator == name);
+        all.split_off(all.len().saturating_sub(LINES))
     }
 
     /// Subscriptions to the outputs of an operator of a run.

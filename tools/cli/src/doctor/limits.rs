@@ -47,7 +47,12 @@ pub fn open_files(graph: &Graph) -> Finding {
     if allowed.is_none_or(|a| a >= needed.min(1024)) {
         Finding::good(setting, requested, limit(allowed))
     } else {
-        Finding::bad(setting, requested, limit(allowed), "ulimit -n 4096 (for good: LimitNOFILE of the service)")
+        Finding::bad(
+            setting,
+            requested,
+            limit(allowed),
+            "ulimit -n 4096 (for good: LimitNOFILE of the service)",
+        )
     }
 }
 
@@ -136,7 +141,9 @@ pub fn leftovers() -> Finding {
             if dead.is_empty() {
                 Finding::good(setting, requested, "none")
             } else {
-                Finding::bad(setting, requested, dead.join(", "), "stillpoint doctor --clean").lasting().hint()
+                Finding::bad(setting, requested, dead.join(", "), "stillpoint doctor --clean")
+                    .lasting()
+                    .hint()
             }
         }
     }

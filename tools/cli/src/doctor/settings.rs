@@ -1,7 +1,7 @@
 //! Settings of the kernel, from `/proc` and `/sys`.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::finding::Finding;
 
@@ -23,7 +23,7 @@ impl Kernel {
 
     /// Files below a folder.
     #[cfg(test)]
-    pub fn below(root: &Path) -> Self {
+    pub fn below(root: &std::path::Path) -> Self {
         Self { root: root.to_owned() }
     }
 
@@ -52,7 +52,8 @@ impl Kernel {
     fn governor(&self) -> Finding {
         let (setting, requested) = ("frequency governor", "performance");
         let cpus = self.list("sys/devices/system/cpu");
-        let governor = |cpu: &String| self.read(&format!("sys/devices/system/cpu/{cpu}/cpufreq/scaling_governor"));
+        let governor =
+            |cpu: &String| self.read(&format!("sys/devices/system/cpu/{cpu}/cpufreq/scaling_governor"));
         let found: BTreeSet<String> = cpus.iter().filter_map(governor).collect();
         let message = found.iter().cloned().collect::<Vec<_>>().join(", ");
         if found.is_empty() {
@@ -65,7 +66,8 @@ impl Kernel {
     }
 
     fn idle_states(&self) -> Finding {
-        let (setting, requested) = ("idle states of the cores", format!("at most {LONGEST_EXIT} us to leave one"));
+        let (setting, requested) =
+            ("idle states of the cores", format!("at most {LONGEST_EXIT} us to leave one"));
         let folder = "sys/devices/system/cpu/cpu0/cpuidle";
         let state = |name: &String| {
             let of = |file: &str| self.read(&format!("{folder}/{name}/{file}"));
@@ -73,7 +75,9 @@ impl Kernel {
             Some((of("latency")?.parse::<u64>().ok()?, of("name")?)).filter(|_| is_on)
         };
         match self.list(folder).iter().filter_map(state).max() {
-            None => Finding::unknown(setting, requested, "the system has no setting, as in a virtual machine"),
+            None => {
+                Finding::unknown(setting, requested, "the system has no setting, as in a virtual machine")
+            }
             Some((latency, name)) if latency <= LONGEST_EXIT => {
                 Finding::good(setting, requested, format!("{name}: {latency} us"))
             }
@@ -95,7 +99,9 @@ impl Kernel {
             Some(source @ ("tsc" | "kvm-clock" | "arch_sys_counter" | "hyperv_clocksource_tsc_page")) => {
                 Finding::good(setting, requested, source)
             }
-            Some(source) => Finding::bad(setting, requested, source, "boot with clocksource=tsc").lasting().hint(),
+            Some(source) => {
+                Finding::bad(setting, requested, source, "boot with clocksource=tsc").lasting().hint()
+            }
         }
     }
 
@@ -149,7 +155,8 @@ impl Kernel {
     }
 
     fn pressure(&self) -> Finding {
-        let (setting, requested) = ("other work on the cores", format!("tasks wait for a core in at most {BUSY} % of the time"));
+        let (setting, requested) =
+            ("other work on the cores", format!("tasks wait for a core in at most {BUSY} % of the time"));
         let text = self.read("proc/pressure/cpu");
         let share = text.as_deref().and_then(|text| {
             let some = text.lines().find(|line| line.starts_with("some"))?;
@@ -161,7 +168,9 @@ impl Kernel {
                 None => Finding::unknown(setting, requested, "the system does not say"),
             },
             Some(share) if share <= BUSY => Finding::good(setting, requested, format!("{share} %")),
-            Some(share) => Finding::bad(setting, requested, format!("{share} %"), "end other work, or take more cores"),
+            Some(share) => {
+                Finding::bad(setting, requested, format!("{share} %"), "end other work, or take more cores")
+            }
         }
     }
 }
@@ -185,7 +194,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
         for (name, text) in files {
             let path = folder.path().join(name);
-            let made = std::fs::create_dir_all(path.parent().unwrap_or(Path::new("/")))
+            let made = std::fs::create_dir_all(path.parent().unwrap_or(std::path::Path::new("/")))
                 .and_then(|()| std::fs::write(&path, text));
             made.unwrap_or_else(|e| panic!("{name}: {e}"));
         }
@@ -221,7 +230,10 @@ mod tests {
             (Verdict::Unknown, "performance, powersave".into())
         );
         // The deep state is switched off.
-        assert_eq!(verdict(&kernel, &[], true, "idle states of the cores"), (Verdict::Good, "C1: 2 us".into()));
+        assert_eq!(
+            verdict(&kernel, &[], true, "idle states of the cores"),
+            (Verdict::Good, "C1: 2 us".into())
+        );
         assert_eq!(verdict(&kernel, &[], true, "clock source").0, Verdict::Unknown);
         assert_eq!(verdict(&kernel, &[], true, "throttling of real-time threads").0, Verdict::Unknown);
         assert_eq!(verdict(&kernel, &[], false, "throttling of real-time threads").0, Verdict::Good);

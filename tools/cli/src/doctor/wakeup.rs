@@ -66,7 +66,11 @@ impl Measured {
         let period = shortest.unwrap_or(USUAL);
         let allowed = (period as f64 * LATE) as u64;
         let setting = "wake-up of a thread";
-        let requested = format!("99 % at most {} late, a quarter of a period of {} ms", us(allowed), period as f64 * 1e-6);
+        let requested = format!(
+            "99 % at most {} late, a quarter of a period of {} ms",
+            us(allowed),
+            period as f64 * 1e-6
+        );
         let wakes = match (self.quantile(0.5), self.quantile(0.99), self.late.last()) {
             (Some(p50), Some(p99), Some(worst)) => {
                 let found =
@@ -80,7 +84,8 @@ impl Measured {
             }
             _ => Finding::unknown(setting, requested, "the test was too short"),
         };
-        let (setting, requested) = ("drift of the clock", format!("at most {DRIFT} ppm against the uncorrected clock"));
+        let (setting, requested) =
+            ("drift of the clock", format!("at most {DRIFT} ppm against the uncorrected clock"));
         let found = format!("{:.1} ppm", self.drift_ppm);
         let drift = if self.drift_ppm.abs() <= DRIFT {
             Finding::good(setting, requested, found)

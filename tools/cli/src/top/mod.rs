@@ -15,7 +15,7 @@ mod view;
 mod watch;
 
 pub use keys::{Panel, View};
-pub use plain::plain;
+pub use plain::{plain, words};
 pub use snapshot::Snapshot;
 pub use view::draw;
 pub use watch::Watch;

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use stillpoint_pipeline::graph::Priority;
+use stillpoint_pipeline::graph::{Graph, Priority};
+use stillpoint_report::graph::Drawing;
 use stillpoint_report::trace::Journals;
 use stillpoint_samples::Entry;
 
@@ -46,6 +47,11 @@ impl Watch {
         self.journals.look(&mut |operator, entry| entries[operator].push(entry))?;
         self.held.look();
         Ok(())
+    }
+
+    /// The picture of the pipeline with what the window measured. `whole` has the edges of links, which are cut in a run.
+    pub fn drawing(&self, whole: Option<&Graph>) -> Drawing {
+        Drawing::of(&Journals::of_run(&self.attached.graph, &self.entries), whole)
     }
 
     /// The figures of the window that ends now.

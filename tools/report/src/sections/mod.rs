@@ -6,6 +6,7 @@ mod alignment;
 mod confidence;
 mod consistency;
 mod contacts;
+mod contracts;
 mod controllers;
 mod diagnostics;
 mod duties;
@@ -51,6 +52,7 @@ pub const ALL: &[Make] = &[
     confidence::section,
     operators::section,
     trace::section,
+    contracts::section,
     stages::section,
     diagnostics::section,
     ledger::section,
