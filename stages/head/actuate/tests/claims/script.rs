@@ -30,6 +30,8 @@ pub enum Fault {
     Moves,
     /// The face moves, and its skull has no pose.
     Face,
+    /// The head is elsewhere in a channel that the target does not hold.
+    Slid,
 }
 
 /// When what goes wrong.
@@ -166,6 +168,7 @@ script!(Filter, "test.filter", "state", Track, FrameRule::Key, |fault, count, _|
         Fault::Nothing => track = TrackElement { accepted: count, ..TrackElement::NONE },
         Fault::Frozen => track.repeated = count,
         Fault::Off => track.position[2] = 3e-3,
+        Fault::Slid => track.position[0] = 3e-3,
         Fault::Vague => track.covariance[26] = 1e-4,
         _ => {}
     }
