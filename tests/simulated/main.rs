@@ -8,6 +8,7 @@ mod budget;
 mod contacts;
 mod default_pipeline;
 mod examples;
+mod former;
 mod frozen;
 mod guide;
 mod head_tracking;

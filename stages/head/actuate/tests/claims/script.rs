@@ -32,6 +32,8 @@ pub enum Fault {
     Face,
     /// The head is elsewhere in a channel that the target does not hold.
     Slid,
+    /// An arm is before the head, which is followed where it is expected.
+    Arm,
 }
 
 /// When what goes wrong.
@@ -203,6 +205,7 @@ script!(Head, "test.head", "report", PoseReport, FrameRule::Key, |fault, _, _| {
         Fault::Vague => PoseStatus::NoFace,
         Fault::NotFinite => PoseStatus::TooFewPoints,
         Fault::Face => PoseStatus::FaceUnsure,
+        Fault::Arm => PoseStatus::Followed,
         _ => PoseStatus::Tracked,
     };
     let reference = match fault {
