@@ -20,6 +20,7 @@
 //!
 //! A session:
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
+//! - `former_defaults`: defaults that have changed since a session was recorded
 //! - `files`, `session_files`: the files that params name, of a run and of a session
 
 // Outsiders use it.
@@ -32,6 +33,7 @@ pub mod drafts;
 mod far_end;
 pub mod files;
 mod finished;
+pub mod former_defaults;
 pub mod graph;
 mod hosts;
 pub mod instance;

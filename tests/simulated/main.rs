@@ -9,6 +9,7 @@ mod contacts;
 mod default_pipeline;
 mod documents;
 mod examples;
+mod former;
 mod frozen;
 mod guide;
 mod head_tracking;

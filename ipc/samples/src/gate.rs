@@ -49,6 +49,8 @@ bits! {
         PLAN = 1 << 17, "plan";
         /// The face moves by itself: the pose of the skull is less sure.
         FACE_MOVES = 1 << 18, "face moves";
+        /// In a channel that the target does not hold, the head is too far from where it was when the beam first began.
+        DRIFT = 1 << 19, "drift";
     }
 }
 

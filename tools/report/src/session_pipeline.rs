@@ -1,9 +1,11 @@
 //! The pipeline that a session keeps, checked against this build.
 
+use serde_json::{Map, Value};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::{self, Faults};
+use stillpoint_pipeline::former_defaults::former_defaults;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::session::{PIPELINE, SETS};
+use stillpoint_pipeline::session::{PARAMS, PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_recorder::Session;
 
@@ -42,7 +44,21 @@ pub fn pipeline_of(
     let sets: Vec<String> = serde_json::from_str(&text(SETS)?)
         .map_err(|e| SessionPipelineError::Unreadable { name: SETS, reason: e.to_string() })?;
     let files = SessionFiles::of(session);
-    let graph =
-        config::check(&source, PIPELINE, &sets, registry, &files).map_err(SessionPipelineError::Faults)?;
-    Ok((graph, files))
+    let check = |sets: &[String]| {
+        config::check(&source, PIPELINE, sets, registry, &files).map_err(SessionPipelineError::Faults)
+    };
+    let graph = check(&sets)?;
+    let recorded = recorded(session)?;
+    let former = former_defaults(&graph, &recorded);
+    if former.is_empty() {
+        return Ok((graph, files));
+    }
+    Ok((check(&[sets, former].concat())?, files))
+}
+
+/// The resolved parameters that the session keeps, by operator. None are no reason to refuse a session.
+fn recorded(session: &Session) -> Result<Map<String, Value>, SessionPipelineError> {
+    let Some(retained) = session.attachments().get(PARAMS) else { return Ok(Map::new()) };
+    serde_json::from_slice(&retained.bytes)
+        .map_err(|e| SessionPipelineError::Unreadable { name: PARAMS, reason: e.to_string() })
 }

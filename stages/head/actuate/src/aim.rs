@@ -81,7 +81,7 @@ impl Aim {
 }
 
 /// The six numbers of a track; its angles only where they are wanted.
-fn numbers(track: &TrackElement, angles: bool) -> [f64; 6] {
+pub(crate) fn numbers(track: &TrackElement, angles: bool) -> [f64; 6] {
     let mut numbers = [f64::NAN; 6];
     numbers[..3].copy_from_slice(&track.position);
     if let Some(angles) = angles.then(|| stillpoint_pose::angles(track.orientation)).flatten() {

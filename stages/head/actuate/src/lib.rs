@@ -17,6 +17,7 @@
 //! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
 //! - `face_watch`: whether a face that moves explains why there is no fresh pose
 //! - `plan_watch`: whether the standing plan holds in the requested set-up
+//! - `drift`: whether a head slides in a channel that its target does not hold
 //! - [`aim`], `lease`: errors against tolerances; the lease of the beam
 //! - `sender`: the sending end of datagrams
 //!
@@ -28,6 +29,7 @@ pub mod acknowledgement;
 pub mod aim;
 mod answer;
 pub mod datagram;
+mod drift;
 mod drive;
 mod extrinsic;
 mod face_watch;

@@ -11,6 +11,7 @@ use stillpoint_samples::{
 use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
 use crate::datagram::LONGEST;
+use crate::drift::{Drift, DriftLimits};
 use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 use crate::lease::{Lease, LeaseRules};
 use crate::message::{Order, Receiving, Safe};
@@ -46,6 +47,13 @@ pub struct BeamParams {
     /// Largest error of an angle that the target holds.
     #[param(unit = "rad", default = "0.5 deg", above = "0 deg", max = "90 deg")]
     pub angle_tolerance: f64,
+    /// How far a coordinate that the target does not hold may be from where it was when the beam first began for this
+    /// target and reference.
+    #[param(unit = "m", default = "2 mm", above = "0 mm", max = "10 m")]
+    pub drift_tolerance: f64,
+    /// How far an angle that the target does not hold may be from where it was when the beam first began.
+    #[param(unit = "rad", default = "1.5 deg", above = "0 deg", max = "180 deg")]
+    pub drift_angle: f64,
     /// Fraction by which errors must lie below the tolerances for a lease to begin.
     #[param(default = 0.2, min = 0, max = 0.9)]
     pub hysteresis: f64,
@@ -111,6 +119,9 @@ pub struct GateBeam {
     proof: Need,
     /// What the tracker's newest report says against the beam, and when that frame was acquired, ns.
     report: Option<(u32, u64)>,
+    /// Number of the reference of the tracker's newest report; 0 without a report.
+    reference: u32,
+    drift: Drift,
     /// What is known of the standing plan; `None` where no plan is connected.
     plan: Option<PlanWatch>,
     lease: Lease,
@@ -229,6 +240,8 @@ impl Operator for GateBeam {
             confidence: params.confidence,
             proof: params.proof,
             report: None,
+            reference: 0,
+            drift: Drift::new(DriftLimits { position: params.drift_tolerance, angle: params.drift_angle }),
             plan: plan.then(PlanWatch::default),
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
@@ -257,6 +270,9 @@ impl Operator for GateBeam {
         let aim = self.aim(now);
         let mut against = aim.against | self.against(now);
         let is_on = self.lease.look(now, against);
+        if is_on && let (Some(track), Some((target, _))) = (self.pose.track(), &self.target) {
+            self.drift.begin(track, target, self.reference);
+        }
         if !is_on && against == 0 {
             against = Reason::DWELLING;
         }
@@ -293,6 +309,7 @@ impl GateBeam {
             && let Some(report) = sample.first()
         {
             self.report = Some((self.reported(report), sample.header.origin.min(now)));
+            self.reference = report.reference;
         }
         let Some(plan) = &mut self.plan else { return };
         if let Some(sample) = activation.fresh::<PlanRequest>(PLAN_REQUEST) {
@@ -331,6 +348,9 @@ impl GateBeam {
         let mut aim = Aim::at(track, target, &self.tolerances, self.lease.ends().is_some_and(|e| now < e));
         if self.pose.is_frozen() || self.pose.age(now).is_none_or(|age| age > self.stale) {
             aim.against |= Reason::POSE_STALE;
+        }
+        if self.drift.is_beyond(track, target, self.reference) {
+            aim.against |= Reason::DRIFT;
         }
         aim
     }

@@ -30,6 +30,10 @@ pub enum Fault {
     Moves,
     /// The face moves, and its skull has no pose.
     Face,
+    /// The head is elsewhere in a channel that the target does not hold.
+    Slid,
+    /// An arm is before the head, which is followed where it is expected.
+    Arm,
 }
 
 /// When what goes wrong.
@@ -166,6 +170,7 @@ script!(Filter, "test.filter", "state", Track, FrameRule::Key, |fault, count, _|
         Fault::Nothing => track = TrackElement { accepted: count, ..TrackElement::NONE },
         Fault::Frozen => track.repeated = count,
         Fault::Off => track.position[2] = 3e-3,
+        Fault::Slid => track.position[0] = 3e-3,
         Fault::Vague => track.covariance[26] = 1e-4,
         _ => {}
     }
@@ -200,6 +205,7 @@ script!(Head, "test.head", "report", PoseReport, FrameRule::Key, |fault, _, _| {
         Fault::Vague => PoseStatus::NoFace,
         Fault::NotFinite => PoseStatus::TooFewPoints,
         Fault::Face => PoseStatus::FaceUnsure,
+        Fault::Arm => PoseStatus::Followed,
         _ => PoseStatus::Tracked,
     };
     let reference = match fault {

@@ -275,6 +275,35 @@ fn the_first_frame_without_a_pose_ends_the_lease_while_the_filter_still_predicts
 }
 
 #[test]
+fn a_head_that_slides_sideways_ends_the_beam_and_leaves_the_valves() {
+    let run = run(&Said { filter: "fault: slid, from: 1490 ms, to: 2490 ms", ..Said::default() }, 4_000);
+    let gates = gate(&run);
+    assert!(first(&gates, 500, |g| g.beam == 1).is_some_and(|ms| ms < 1_490));
+    assert_eq!(first(&gates, 1_480, |g| g.beam == 0), Some(1_500));
+    let (_, off) = gates.iter().find(|(ms, g)| *ms == 1_500 && g.beam == 0).unwrap();
+    assert_eq!(off.reasons, GateReason::DRIFT);
+    assert_eq!(first(&gates, 1_510, |g| g.beam == 1), Some(2_700));
+    assert!(actuation(&run).iter().filter(|(ms, _)| *ms > 600).all(|(_, s)| s.state().word() == "armed"));
+    let wide = Said {
+        filter: "fault: slid, from: 1490 ms, to: 2490 ms",
+        gate: "drift_tolerance: 5 mm",
+        ..Said::default()
+    };
+    assert_eq!(first(&gate(&self::run(&wide, 4_000)), 1_480, |g| g.beam == 0), None);
+}
+
+#[test]
+fn a_head_that_is_followed_behind_an_arm_is_held_without_beam() {
+    let run = run(&Said { head: "fault: arm, from: 1490 ms, to: 4490 ms", ..Said::default() }, 6_000);
+    let gates = gate(&run);
+    assert_eq!(first(&gates, 1_480, |g| g.beam == 0), Some(1_500));
+    assert_eq!(first(&gates, 1_510, |g| g.beam == 1), Some(4_700), "one frame with a head, and the dwell");
+    let (_, off) = gates.iter().find(|(ms, g)| *ms == 1_500 && g.beam == 0).unwrap();
+    assert_eq!(off.reasons, GateReason::TRACKER);
+    assert!(actuation(&run).iter().filter(|(ms, _)| *ms > 600).all(|(_, s)| s.state().word() == "armed"));
+}
+
+#[test]
 fn a_face_that_hides_the_pose_for_three_seconds_ends_the_beam_holds_the_valves_and_vents_nothing() {
     let face = "fault: face, from: 1490 ms, to: 4490 ms";
     let run = run(&Said { head: face, filter: &face.replace("face,", "nothing,"), ..Said::default() }, 6_000);

