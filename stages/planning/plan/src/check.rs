@@ -36,7 +36,7 @@ pub struct Bounds {
 
 impl Default for Bounds {
     fn default() -> Self {
-        Self { outside: 0.05, medians: 10.0, mu_per_cgy: 10.0, shift_mm: 5.0, hottest: 1.1, uncovered: 0.25 }
+        Self { outside: 0.05, medians: 10.0, mu_per_cgy: 10.0, shift_mm: 5.0, hottest: 1.25, uncovered: 0.25 }
     }
 }
 

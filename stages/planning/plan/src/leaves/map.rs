@@ -56,7 +56,7 @@ pub enum LeavesError {
     Rows(#[from] RowsError),
 }
 
-/// Part of the fluences above zero that are within the levels.
+/// Part of the fluences above zero that are within the levels of which there are so many.
 const TOP: f64 = 0.95;
 
 /// Fluence by leaf pair and column.
@@ -133,8 +133,7 @@ impl LeafMap {
     }
 
     /// The map in levels; each fluence goes to the nearest. The fluence that [`TOP`] of those above zero do not exceed is
-    /// `count` of them, and what is above has as many: so one bixel does not set the unit of all others. Segments that are
-    /// added by price give it what it lacks.
+    /// `count` of them, and what is above has more: so one bixel does not set the unit of all others.
     pub fn levels(&self, count: u32) -> Result<Levels, LeavesError> {
         if !(1..=1000).contains(&count) {
             return Err(LeavesError::Levels(count));
@@ -143,7 +142,7 @@ impl LeafMap {
         lit.sort_by(f64::total_cmp);
         let place = libm::ceil(TOP * lit.len() as f64) as usize;
         let unit = lit.get(place.saturating_sub(1)).copied().unwrap_or(1.0) / f64::from(count);
-        let level = |fluence: &f64| (libm::round(fluence / unit).min(f64::from(count))) as u32;
+        let level = |fluence: &f64| libm::round(fluence / unit) as u32;
         Ok(Levels { columns: self.columns, unit, levels: self.fluence.iter().map(level).collect() })
     }
 

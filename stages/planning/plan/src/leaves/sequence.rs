@@ -25,6 +25,8 @@ pub struct FluenceBeam<'a> {
 
 /// Steps in which segments that are too light are left out.
 const THINNING: u32 = 4;
+/// What a round of segments by price lessens the objective at least, as a part of it.
+const LEAST_GAIN: f64 = 1e-3;
 
 /// How fluences are sequenced.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +65,7 @@ pub struct Sequenced {
 }
 
 /// A beam while its segments change.
+#[derive(Clone)]
 struct Growing<'a> {
     beam: &'a FluenceBeam<'a>,
     map: LeafMap,
@@ -93,15 +96,21 @@ pub fn sequence(
     });
     if collimator.transmission > 0.0 {
         plan = solved(goals, &mut growing, collimator)?;
-        added += grown(goals, &mut growing, &mut plan, (collimator, most), options.most_segments)?;
     }
-    // The lightest go first: what they gave goes to those that are nearly as light, and these may then stay. Each round leaves
-    // at least one segment out, so it ends.
-    for step in 1..=THINNING {
-        let least = options.least_weight * f64::from(step) / f64::from(THINNING);
-        while growing.iter_mut().flatten().map(|beam| beam.thin(least)).sum::<usize>() > 0 {
+    thinned(goals, &mut growing, &mut plan, (collimator, options.least_weight))?;
+    // By price once more with the transmission, as long as what is added lessens the objective and is heavy enough to stay.
+    while collimator.transmission > 0.0 && plan.certificate.objective > most {
+        let before = (growing.clone(), plan.clone());
+        let now = grow_all(goals, &mut growing, &plan, (collimator, options.most_segments));
+        if now > 0 {
             plan = solved(goals, &mut growing, collimator)?;
+            thinned(goals, &mut growing, &mut plan, (collimator, options.least_weight))?;
         }
+        if plan.certificate.objective > before.1.certificate.objective * (1.0 - LEAST_GAIN) {
+            (growing, plan) = before;
+            break;
+        }
+        added += now;
     }
     let beams =
         growing.iter().map(|beam| LeafBeam::new(collimator, &beam.as_ref()?.map, &beam.as_ref()?.shapes));
@@ -119,10 +128,7 @@ fn grown(
     let mut added = 0;
     while plan.certificate.objective > most {
         let before = plan.certificate.objective;
-        let mut now = 0;
-        for beam in growing.iter_mut().flatten() {
-            now += usize::from(beam.grow(goals, plan, collimator, most_segments));
-        }
+        let now = grow_all(goals, growing, plan, (collimator, most_segments));
         if now == 0 {
             break;
         }
@@ -133,6 +139,34 @@ fn grown(
         }
     }
     Ok(added)
+}
+
+/// Adds to each beam the segment of the steepest slope, at weight 0, and says how many beams have one.
+fn grow_all(
+    goals: &Goals,
+    growing: &mut [Option<Growing<'_>>],
+    plan: &Plan,
+    (collimator, most_segments): (&Collimator, usize),
+) -> usize {
+    let beams = growing.iter_mut().flatten();
+    beams.map(|beam| usize::from(beam.grow(goals, plan, collimator, most_segments))).sum()
+}
+
+/// Leaves out segments that are too light. The lightest go first: what they gave goes to those that are nearly as light, and
+/// these may then stay. Each round leaves at least one segment out, so it ends.
+fn thinned(
+    goals: &Goals,
+    growing: &mut [Option<Growing<'_>>],
+    plan: &mut Plan,
+    (collimator, least_weight): (&Collimator, f64),
+) -> Result<(), LeavesError> {
+    for step in 1..=THINNING {
+        let least = least_weight * f64::from(step) / f64::from(THINNING);
+        while growing.iter_mut().flatten().map(|beam| beam.thin(least)).sum::<usize>() > 0 {
+            *plan = solved(goals, growing, collimator)?;
+        }
+    }
+    Ok(())
 }
 
 impl<'a> Growing<'a> {

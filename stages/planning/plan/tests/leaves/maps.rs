@@ -91,9 +91,7 @@ proptest! {
     fn what_passes_the_leaves_is_the_fluence_to_half_a_level((bixels, weights) in fluence()) {
         let collimator = collimator();
         let Some((map, beam)) = sequenced(&collimator, &bixels, &weights, 40) else { return Ok(()) };
-        // What is above the levels is as high as they are.
         let most = 40.0 * map.levels(40).unwrap().unit;
-        let weights: Vec<f64> = weights.iter().map(|weight| weight.min(most)).collect();
         let (places, found) = beam.fluence(&collimator, 10.0);
         let at = |place: &[f64; 2]| places.iter().zip(&found).find(|(p, _)| *p == place).map_or(0.0, |(_, w)| *w);
         for (bixel, weight) in bixels.iter().zip(&weights) {
@@ -127,6 +125,21 @@ fn leaves_transmit_between_the_jaws_and_nothing_passes_beside_them() {
         ([0.0, -5.0], 0.5),
     ] {
         assert!((passed(place) - expected).abs() < 1e-12, "{place:?}: {}", passed(place));
+    }
+}
+
+/// One bixel of a thousand times the others once set the unit of all: they came to nothing.
+#[test]
+fn one_bixel_does_not_set_the_levels_of_the_others() {
+    let bixels: Vec<[f64; 2]> = (0..40).map(|i| [10.0 * f64::from(i % 8), 10.0 * f64::from(i / 8)]).collect();
+    let weights: Vec<f64> =
+        (0..40).map(|i| if i == 7 { 1000.0 } else { 1.0 + 0.02 * f64::from(i) }).collect();
+    let (_, beam) = sequenced(&collimator(), &bixels, &weights, 20).unwrap();
+    let (places, found) = beam.fluence(&collimator(), 10.0);
+    for (bixel, weight) in bixels.iter().zip(&weights) {
+        let at =
+            places.iter().zip(&found).find(|(place, _)| *place == bixel).map_or(0.0, |(_, found)| *found);
+        assert!((at - weight).abs() < 0.05, "{bixel:?}: {at} {weight}");
     }
 }
 
