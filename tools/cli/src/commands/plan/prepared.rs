@@ -48,11 +48,8 @@ impl Prepared {
                  dose; they count in its figures"
             )
         }));
-<<<<<<< HEAD
         notes.extend(request.protocol_note.clone());
-=======
         notes.extend(setup.spec.machine.beyond_table(&setup.case));
->>>>>>> 831efbf25bbee2e013796334fdbc6c99d29c862a
         notes.extend(request.caution.clone());
         if setup.case.fractions().is_none() {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
