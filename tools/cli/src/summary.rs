@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use stillpoint_operator::{Policy, Registry};
 use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, RunReport};
 use stillpoint_recorder::{Session, SessionError, session_parts};
 
@@ -23,6 +24,10 @@ use stillpoint_samples::Entry;
 
 /// Number of failures that are shown.
 const MOST_FAULTS: usize = 10;
+
+/// Operators that are named if a machine is too slow, and the share of a core from which on they are.
+const MOST_WORK: usize = 3;
+const MUCH_WORK: f64 = 0.05;
 
 /// The part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
 const SLOW: f64 = 0.05;
@@ -133,6 +138,8 @@ impl<'a> Summary<'a> {
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
+        value["what_helps"] =
+            if self.too_slow.is_empty() { Value::Null } else { what_helps(&self.report.operators).into() };
         value["remarks"] = json!(self.remarks);
         value["held"] = json!(self.held);
         value["found"] = json!(self.verdict.found);
@@ -188,6 +195,9 @@ impl<'a> Summary<'a> {
         }
         for slow in &self.too_slow {
             outln!("  {slow}");
+        }
+        if !self.too_slow.is_empty() {
+            outln!("{}", what_helps(&report.operators));
         }
         for contract in &self.contracts {
             outln!("{}{contract}", if contract.is_broken { "CONTRACT BROKEN: " } else { "contract " });
@@ -295,6 +305,31 @@ fn print_losses(report: &RunReport) {
         "losses: {message}; {}",
         if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" }
     );
+}
+
+/// What helps against a machine that is too slow: the operators that take the most of a core, and what to do.
+fn what_helps(operators: &[OperatorFigures]) -> String {
+    let share = |o: &OperatorFigures| Some(o.rate_hz * o.step_ms[0] * 1e-3).filter(|s| s.is_finite());
+    let mut shares: Vec<(f64, &str)> =
+        operators.iter().filter_map(|o| Some((share(o)?, o.operator.as_str()))).collect();
+    shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let most: Vec<String> = shares
+        .iter()
+        .take(MOST_WORK)
+        .filter(|(share, _)| *share >= MUCH_WORK)
+        .map(|(share, name)| format!("{name} takes {:.0} % of a core", share * 100.0))
+        .collect();
+    let work = match most.as_slice() {
+        [] => "no operator takes much of a core, so other work does".to_owned(),
+        some => format!(
+            "{}: give them less work (camera rate, size of images), or cores (`core:`)",
+            some.join(", ")
+        ),
+    };
+    format!(
+        "what helps: {work}; fewer processes (`processes:`); `--clock simulated`, which takes the time that it needs. \
+         `stillpoint doctor` measures the machine, `stillpoint trace` the paths"
+    )
 }
 
 /// The contracts of a graph against the journals of a session.
@@ -421,4 +456,43 @@ fn parts(session: &Path) -> Vec<PathBuf> {
 /// Bytes of a session's files.
 fn size_of(session: &Path) -> u64 {
     parts(session).iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_helps_names_the_operators_that_take_the_most_of_a_core() {
+        let operator = |name: &str, rate_hz: f64, step: f64| OperatorFigures {
+            operator: name.into(),
+            activations: 100,
+            rate_hz,
+            errors: 0,
+            panics: 0,
+            incarnations: 1,
+            sent: 100,
+            sent_by_output: vec![100],
+            lost: 0,
+            ticks: 0,
+            missed: 0,
+            step_ms: [step, step],
+            age_ms: [f64::NAN; 2],
+        };
+        let all = [
+            operator("law", 100.0, 0.1),
+            operator("face", 10.0, 60.0),
+            operator("idle", 0.0, f64::NAN),
+            operator("head", 10.0, 8.0),
+        ];
+        let message = what_helps(&all);
+        assert!(
+            message.starts_with("what helps: face takes 60 % of a core, head takes 8 % of a core: give"),
+            "{message}"
+        );
+        assert!(
+            what_helps(&all[..1]).starts_with("what helps: no operator takes much of a core"),
+            "{message}"
+        );
+    }
 }

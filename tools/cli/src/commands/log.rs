@@ -1,6 +1,6 @@
 //! `stillpoint log`
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
@@ -97,7 +97,7 @@ impl Log {
     }
 }
 
-fn lines(folder: &PathBuf) -> Result<Vec<LogLine>, Failure> {
+fn lines(folder: &Path) -> Result<Vec<LogLine>, Failure> {
     read(folder).map_err(|e| {
         Failure::failed(format!(
             "{}: it keeps no log ({e}); a live run keeps one, a simulated run does not",

@@ -59,7 +59,12 @@ impl Top {
                 if self.is_once() {
                     return self.print(&snapshot);
                 }
-                screen_of(&mut Source::Session { path: &path, snapshot, session: &session, graph: &graph })
+                screen_of(&mut Source::Session {
+                    path: &path,
+                    snapshot: Box::new(snapshot),
+                    session: &session,
+                    graph: &graph,
+                })
             }
             Subject::Run(attached) => {
                 let mut watch = Watch::open(*attached, window)?;
@@ -94,14 +99,14 @@ impl Top {
 /// Where the screen takes its figures from.
 enum Source<'a> {
     Run(Box<Watch>),
-    Session { path: &'a Path, snapshot: Snapshot, session: &'a Session, graph: &'a Graph },
+    Session { path: &'a Path, snapshot: Box<Snapshot>, session: &'a Session, graph: &'a Graph },
 }
 
 impl Source<'_> {
     fn snapshot(&mut self) -> Result<Snapshot, Failure> {
         match self {
             Self::Run(watch) => watch.snapshot(),
-            Self::Session { snapshot, .. } => Ok(snapshot.clone()),
+            Self::Session { snapshot, .. } => Ok(Snapshot::clone(snapshot)),
         }
     }
 

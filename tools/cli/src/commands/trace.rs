@@ -189,8 +189,10 @@ fn print_path(number: usize, path: &PathFigures) {
         ]);
     }
     out!("{table}");
-    outln!("to blame for the {} longest: {}", path.worst.len(), blamed(&path.blame));
-    for worst in path.worst.iter().take(3) {
+    let blame =
+        if path.blame.is_empty() { "none took longer than usual".to_owned() } else { blamed(&path.blame) };
+    outln!("to blame for the {} longest: {blame}", path.worst.len());
+    for worst in path.worst.iter().filter(|w| w.beyond_ms > 0.0).take(3) {
         outln!(
             "  sample {}: {:.2} ms, {} took {:.2} ms more than its median ({})",
             worst.sequence,

@@ -4,9 +4,12 @@ use std::fmt::Write;
 
 use super::{Drawing, Edge, Node};
 
+/// A process with the numbers of its operators.
+type Group<'d> = (&'d str, Vec<usize>);
+
 /// The operators of each process by host, in the order of the operators.
-fn groups(drawing: &Drawing) -> Vec<(&str, Vec<(&str, Vec<usize>)>)> {
-    let mut hosts: Vec<(&str, Vec<(&str, Vec<usize>)>)> = Vec::new();
+fn groups(drawing: &Drawing) -> Vec<(&str, Vec<Group<'_>>)> {
+    let mut hosts: Vec<(&str, Vec<Group<'_>>)> = Vec::new();
     for (number, node) in drawing.operators.iter().enumerate() {
         let at = hosts.iter().position(|(h, _)| *h == node.host).unwrap_or_else(|| {
             hosts.push((&node.host, Vec::new()));

@@ -280,7 +280,8 @@ pub fn passages_between(journals: &Journals<'_>, from: &str, to: &str) -> Option
 
 fn blame(worst: &[Worst]) -> Vec<Blame> {
     let mut found: Vec<Blame> = Vec::new();
-    for one in worst {
+    // A sample that took no longer than usual blames nobody.
+    for one in worst.iter().filter(|one| one.beyond_ms > 0.0) {
         match found.iter_mut().find(|b| b.operator == one.operator && b.part == one.part) {
             Some(blame) => blame.samples += 1,
             None => found.push(Blame { operator: one.operator.clone(), part: one.part, samples: 1 }),

@@ -55,7 +55,7 @@ impl Trace {
             // A path by which most samples do not come is not the quickest of all of them.
             let order =
                 |p: &PathFigures| (2 * p.arrived < p.samples, p.total_ms.p50.unwrap_or(f64::INFINITY));
-            match chosen.iter().position(|at| is_same(at)) {
+            match chosen.iter().position(is_same) {
                 Some(at) if order(path) < order(&self.paths[chosen[at]]) => chosen[at] = number,
                 Some(_) => {}
                 None => chosen.push(number),
