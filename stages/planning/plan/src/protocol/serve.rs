@@ -101,14 +101,14 @@ impl Goal<'_> {
     fn gray(&self, unit: DoseUnit) -> f64 {
         match unit {
             DoseUnit::Gray => self.limit.bound,
-            DoseUnit::Percent => 0.01 * self.limit.bound * self.prescribed_gy,
+            DoseUnit::Percent => self.limit.bound / 100.0 * self.prescribed_gy,
         }
     }
 
     /// The bound as a fraction of the volume.
     fn fraction(&self, unit: VolumeUnit) -> f64 {
         match unit {
-            VolumeUnit::Percent => 0.01 * self.limit.bound,
+            VolumeUnit::Percent => self.limit.bound / 100.0,
             VolumeUnit::Cc => self.limit.bound / self.volume_cm3,
         }
     }
@@ -116,13 +116,13 @@ impl Goal<'_> {
     fn at(&self, dose: Dose) -> f64 {
         match dose {
             Dose::Gray(gray) => gray,
-            Dose::Percent(percent) => 0.01 * percent * self.prescribed_gy,
+            Dose::Percent(percent) => percent / 100.0 * self.prescribed_gy,
         }
     }
 
     fn part(&self, volume: Volume) -> f64 {
         match volume {
-            Volume::Percent(percent) => 0.01 * percent,
+            Volume::Percent(percent) => percent / 100.0,
             Volume::Cc(cm3) => cm3 / self.volume_cm3,
         }
     }
@@ -245,7 +245,7 @@ mod tests {
                 Limit::new(Of::EachTarget, "D98%[%] >= 95", "").unwrap(),
                 Limit::new(Of::HighestTarget, "D95%[%] >= 101", "").unwrap(),
                 limit("LeftParotid", "Mean[Gy] <= 25"),
-                limit("LeftParotid", "V40Gy[%] <= 50"),
+                limit("LeftParotid", "V20Gy[%] <= 50"),
                 limit("RightParotid", "Mean[Gy] <= 25"),
                 limit("SpinalCord", "D0.03cc[Gy] <= 45"),
                 limit("SpinalCord", "D0.03cc[Gy] <= 50"),
@@ -263,7 +263,7 @@ mod tests {
         let objectives = |name: &str| &set.structures.iter().find(|w| w.name == name).unwrap().objectives;
         let expected: [Objective; 2] = [
             MeanDose { dose: 22.5, weight: MEAN_WEIGHT }.into(),
-            DvhAtMost { dose: 40.0, volume: 0.45, weight: VOLUME_WEIGHT }.into(),
+            DvhAtMost { dose: 20.0, volume: 0.45, weight: VOLUME_WEIGHT }.into(),
         ];
         assert_eq!(objectives("LeftParotid")[1..], expected);
         let cord = Overdose { dose: 40.5, weight: LARGEST_WEIGHT };
