@@ -21,7 +21,7 @@ pub enum Interruption {
 pub struct FragileParams {
     /// How it fails.
     #[param(default = "error")]
-    pub route: Interruption,
+    pub interruption: Interruption,
 }
 
 /// Cannot be made, unless its parameter says so.
@@ -39,7 +39,7 @@ impl Operator for Fragile {
     };
 
     fn new(params: FragileParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        match params.route {
+        match params.interruption {
             Interruption::Error => {
                 Err(SetupError("the kit's model has 3 layers, but 4 are expected".to_string()))
             }

@@ -164,7 +164,7 @@ fn ctrl_c_during_start_up_leaves_nothing() {
 #[test]
 fn ctrl_c_ends_a_start_up_that_hangs() {
     let bench = Bench::new();
-    let run = bench.start(&["run", text(&pipeline("fragile.yaml")), "--set", "fragile.way=hang"]);
+    let run = bench.start(&["run", text(&pipeline("fragile.yaml")), "--set", "fragile.interruption=hang"]);
     let id = wait_for("the run's folder", || bench.run_ids().pop());
     let child = run.child("fragile", 0);
 

@@ -215,7 +215,7 @@ fn an_operator_that_cannot_be_made_says_why_and_leaves_nothing() {
         [("error", "the kit's model has 3 layers"), ("panic", "the kit panics while it is made")]
     {
         let bench = Bench::new();
-        let set = format!("fragile.way={route}");
+        let set = format!("fragile.interruption={route}");
         let run = bench.start(&["run", text(&pipeline("fragile.yaml")), "--set", &set, "--record", "s"]);
         let id = wait_for("the run's folder", || bench.run_ids().pop());
         let done = run.finish();

@@ -183,7 +183,10 @@ fn doctor_names_each_setting_with_what_is_wanted_and_what_dead_runs_left() {
     ] {
         let finding =
             findings.iter().find(|f| f["setting"] == setting).unwrap_or_else(|| panic!("{setting}"));
-        assert!(!finding["found"].as_str().unwrap().is_empty() && finding["wanted"].is_string(), "{finding}");
+        assert!(
+            !finding["found"].as_str().unwrap().is_empty() && finding["requested"].is_string(),
+            "{finding}"
+        );
     }
     // The exit code is the worst of what was found.
     let worst = match value["verdict"].as_str().unwrap() {

@@ -284,7 +284,7 @@ fn an_operator_that_this_build_cannot_make_is_no_gap_of_the_session() {
     let session = bench.path(&recorded(
         &bench,
         "fragile.yaml",
-        &["--clock", "simulated", "--set", "fragile.way=never"],
+        &["--clock", "simulated", "--set", "fragile.interruption=never"],
     ));
     let tampered = bench.path("tampered");
     rewrite_all(&session, &tampered, |_, attachments| {

@@ -84,7 +84,8 @@ fn a_run_whose_operator_cannot_be_made_leaves_nothing() {
     let bench = Bench::new();
     let file = pipeline("fragile.yaml");
     for placement in [&["--clock", "simulated"][..], &["--lock-step=threads"], &["--lock-step"]] {
-        let run = ["run", text(&file), "--set", "fragile.way=error", "--for", "1 h", "--record", "s"];
+        let run =
+            ["run", text(&file), "--set", "fragile.interruption=error", "--for", "1 h", "--record", "s"];
         let done = bench.call(&[&run, placement].concat());
         assert_eq!(done.code(), 1, "{}", done.err);
         assert!(done.err.contains("the kit's model has 3 layers"), "{}", done.err);

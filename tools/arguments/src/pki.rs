@@ -49,7 +49,7 @@ pub enum PkiTask {
         /// Its key; the default is the same name with `.key`.
         #[arg(long)]
         key: Option<PathBuf>,
-        /// Certificate of the authority; the default is `authority.pem` beside it.
+        /// Certificate of the authority; the default is `authority.pem` next to it.
         #[arg(long)]
         authority: Option<PathBuf>,
     },

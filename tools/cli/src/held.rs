@@ -16,7 +16,7 @@ pub enum Read {
     /// All of them.
     All,
     /// Those that the session does not keep, and those of which no sample may be missed.
-    NotKept,
+    NotRetained,
 }
 
 /// Subscriptions to these topics. The run that they belong to outlives them.
@@ -40,7 +40,7 @@ impl HeldTaps {
             let Some((operator, port)) = attached.graph.topic(name) else { continue };
             let is_valve = valves.topics().any(|valve| valve == name);
             let is_retained = attached.session.is_some() && attached.graph.is_recorded(operator, port);
-            if is_retained && !is_valve && read == Read::NotKept {
+            if is_retained && !is_valve && read == Read::NotRetained {
                 continue;
             }
             let contract = contracts::output(&attached.graph, operator, port);

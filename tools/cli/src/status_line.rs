@@ -43,7 +43,7 @@ impl Taps {
     /// Opens all topics for a terminal; else those that the session does not keep.
     fn open(registry: &Registry, for_terminal: bool) -> Result<Self, Failure> {
         let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
-        let read = if for_terminal { Read::All } else { Read::NotKept };
+        let read = if for_terminal { Read::All } else { Read::NotRetained };
         let journals = if attached.session.is_none() && contracts::is_any(&attached.graph) {
             let entries = vec![Vec::new(); attached.graph.operators.len()];
             Some((JournalTaps::open(&attached, |_| true)?, entries))

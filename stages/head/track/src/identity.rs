@@ -41,7 +41,7 @@ const EASED_TIME: u64 = 5_000_000_000;
 /// A face explains doubts for so long after it was last seen to move, ns, and movements of what is no face, which the pose
 /// makes that follows a face, up to this multiple of their limit.
 const RECENT: u64 = 1_000_000_000;
-const BESIDE_FACE: f64 = 2.0;
+const ASIDE_FACE: f64 = 2.0;
 /// Least part of a quarter's points that must lie on the surface.
 const QUARTER: f64 = 0.35;
 /// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
@@ -203,7 +203,7 @@ impl Identity {
         }
         let is_face = self.moved_face.is_some_and(|at| frame.time.saturating_sub(at) <= RECENT);
         let explained = is_face
-            && seen.moves.most <= BESIDE_FACE
+            && seen.moves.most <= ASIDE_FACE
             && quarter >= ENOUGH
             && !IdentityPart::ALL.iter().any(|(_, part)| others(*part));
         let judged = Judged { certainty, agreement: seen, faces, explained };

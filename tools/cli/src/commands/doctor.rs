@@ -101,7 +101,7 @@ fn print(finding: &Finding) {
         Verdict::Unknown => "?   ",
         Verdict::Bad => "BAD ",
     };
-    outln!("{mark} {}: {} (wanted: {})", finding.setting, finding.found, finding.requested);
+    outln!("{mark} {}: {} (required: {})", finding.setting, finding.found, finding.requested);
     if !finding.mend.is_empty() {
         let lasts = if finding.survives_reboot { "survives a reboot" } else { "until the next reboot" };
         outln!("     mend: {} ({lasts})", finding.mend);

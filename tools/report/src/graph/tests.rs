@@ -71,7 +71,7 @@ fn check(layout: &Layout) {
         assert!(inside((left, top)) && inside((right, bottom)), "{label:?} is outside {:?}", layout.size);
         for other in &layout.labels[..number] {
             let [l, t, r, b] = other.rectangle();
-            assert!(right <= l || r <= left || bottom <= t || b <= top, "{label:?} lies on {other:?}");
+            assert!(right <= l || r <= left || bottom <= t || b <= top, "{label:?} covers {other:?}");
         }
     }
 }

@@ -34,7 +34,7 @@ const NOISE: &str = "  head:
       position: [0.008 mm, 0.004 mm, 0.004 mm]
       angles: [0.002 deg, 0.008 deg, 0.006 deg]
       keep: 20
-      told: true
+      reported: true
 
 ";
 

@@ -158,7 +158,7 @@ fn the_shipped_objectives_leave_no_hot_spot_in_or_beside_the_target() {
 fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
     let Some(root) = reference::folder("planning") else { return };
     let table = ObjectiveTable::shipped().unwrap();
-    for patient in 1..=4 {
+    for patient in 1..=2 {
         let file = root.join(format!("openkbp/openkbp_{patient}.json"));
         let case = import_described(&file, &NameTable::shipped().unwrap()).unwrap().case;
         let (ours, reference) = nine_beams(&case, &table, [10.0, 5.0]);

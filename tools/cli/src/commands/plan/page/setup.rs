@@ -56,7 +56,7 @@ fn prescription(request: &Request) -> Table {
         },
     );
     let edge = match request.setup.spec.inside_mm {
-        mm if mm < 0.0 => format!("flash of {} mm beside the patient", -mm),
+        mm if mm < 0.0 => format!("flash of {} mm", -mm),
         mm => format!("at least {mm} mm within the edge of the patient"),
     };
     row("bixels", format!("{} mm, {edge}", request.setup.spec.bixel_mm));
