@@ -153,7 +153,7 @@ fn a_damaged_length_takes_nothing_away_for_good() {
     assert!(report.bytes_cut > bytes.len() as u64 / 2, "{report}");
     let retained = folder.path().join("part-000.mcap.damaged");
     assert_eq!(report.retained.as_ref(), Some(&retained));
-    assert!(report.to_string().ends_with(&format!("is kept as {}", retained.display())), "{report}");
+    assert!(report.to_string().ends_with(&format!("is stored as {}", retained.display())), "{report}");
     assert_eq!(std::fs::read(&retained).unwrap(), damaged);
     opens_in_the_ordinary_reader(&std::fs::read(&part).unwrap());
     // Once more: what was kept is not written over.

@@ -83,11 +83,11 @@ fn an_organ_that_the_scan_ends_in_needs_leave_of_that_size() {
 fn planes_far_apart_stand_for_their_distance_and_are_said() {
     let (volume, notes) = ptv(planes(every(15.0, 112.5, 3), PTV));
     assert!((volume - AREA_MM2 * 45.0 / 1000.0).abs() < 1e-9, "{volume}");
-    let expected = r#""PTV": contours lie 15.0 mm apart, and each represents all of that distance: 1.62 cm3 (for a slice each 0.27 cm3)"#;
+    let expected = r#""PTV": contours are 15.0 mm apart, and each represents all of that distance: 1.62 cm3 (for a slice each 0.27 cm3)"#;
     assert_eq!(notes, [expected]);
     let (volume, notes) = ptv(planes([110.0, 140.0], PTV));
     assert!((volume - AREA_MM2 * 5.0 / 1000.0).abs() < 1e-9, "{volume}");
-    let expected = r#""PTV": contours lie 30.0 mm apart, and each represents a slice: 0.18 cm3 (with the space between them 1.17 cm3)"#;
+    let expected = r#""PTV": contours are 30.0 mm apart, and each represents a slice: 0.18 cm3 (with the space between them 1.17 cm3)"#;
     assert_eq!(notes, [expected]);
 }
 

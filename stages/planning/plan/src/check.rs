@@ -420,7 +420,7 @@ mod tests {
             assert_eq!(faults.len(), 1, "{faults:?}");
             faults[0].to_string()
         };
-        assert!(words(&|plan| plan.beams[0].outside = 2.22).contains("37.0 % of the fluence passes beside"));
+        assert!(words(&|plan| plan.beams[0].outside = 2.22).contains("37.0 % of the fluence misses"));
         let peak = words(&|plan| plan.beams[0].weights[3] = 2432.6);
         assert!(
             peak.contains("at 40 degrees") && peak.contains("x = 30 mm") && peak.contains("2432.6"),

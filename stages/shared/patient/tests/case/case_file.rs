@@ -57,9 +57,9 @@ fn the_isocentre_is_the_centroid_of_the_prescribed_targets_or_of_all_each_voxel_
 
 #[test]
 fn parts_that_do_not_fit_together_are_refused_with_what_to_do() {
-    assert!(refusal(|p| p.name = "a/b".to_owned()).contains("no name for a case"));
-    assert!(refusal(|p| p.name = String::new()).contains("no name for a case"));
-    assert!(refusal(|p| p.structures[1].name = "x\ny".to_owned()).contains("no name for a structure"));
+    assert!(refusal(|p| p.name = "a/b".to_owned()).contains("is not a name for a case"));
+    assert!(refusal(|p| p.name = String::new()).contains("is not a name for a case"));
+    assert!(refusal(|p| p.structures[1].name = "x\ny".to_owned()).contains("is not a name for a structure"));
     assert!(refusal(|p| p.structures[1].name = "Body".to_owned()).contains("rename one"));
     assert!(refusal(|p| p.structures[3].role = Role::External).contains("both outlines"));
     assert!(refusal(|p| p.structures[3].mask = Mask::empty(25)).contains("Rectum has 25 values"));
@@ -75,7 +75,7 @@ fn parts_that_do_not_fit_together_are_refused_with_what_to_do() {
     assert!(refusal(|p| p.reference_dose_gy.as_mut().unwrap()[9] = -1.0).contains("voxel [1, 2, 0]"));
     let prescribe = |structure: &str, dose_gy| Prescription { structure: structure.to_owned(), dose_gy };
     assert!(refusal(|p| p.prescription[0] = prescribe("Nothing", 1.0)).contains("no structure of that name"));
-    assert!(refusal(|p| p.prescription[0] = prescribe("Rectum", 1.0)).contains("no target"));
+    assert!(refusal(|p| p.prescription[0] = prescribe("Rectum", 1.0)).contains("not a target"));
     assert!(refusal(|p| p.prescription[0] = prescribe("PTV", f64::NAN)).contains("NaN Gy"));
     assert!(refusal(|p| p.prescription.push(prescribe("PTV", 1.0))).contains("another dose already"));
     let no_target = refusal(|p| {

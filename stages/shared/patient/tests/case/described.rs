@@ -36,11 +36,11 @@ fn a_description_at_odds_is_refused_with_the_file() {
         ("\"mm\"", "\"cm\"", "`mm` and `LPS` are required"),
         ("LPS", "RAS", "`mm` and `LPS` are required"),
         ("[4, 3, 2]", "[4, 3, 1]", "2 or more along each axis"),
-        ("[3, 2.5, 1.1]", "[3, 2.5, 1.2]", "small.ct.nrrd: it lies on"),
-        ("[-6, 0.1,", "[-6, 0.2,", "small.ct.nrrd: it lies on"),
+        ("[3, 2.5, 1.1]", "[3, 2.5, 1.2]", "small.ct.nrrd: it has"),
+        ("[-6, 0.1,", "[-6, 0.2,", "small.ct.nrrd: it has"),
         ("small.ct.nrrd", "small.labels.nrrd", "is unsigned, but a CT is int16"),
         ("small.labels.nrrd", "small.ct.nrrd", "is signed, but labels are uint8"),
-        ("small.ct.nrrd", "../small.ct.nrrd", "no plain file name"),
+        ("small.ct.nrrd", "../small.ct.nrrd", "not a plain file name"),
         ("small.ct.nrrd", "small.other.nrrd", "small.other.nrrd: "),
         ("\"bit\": 3", "\"bit\": 16", "labels have 16"),
         ("\"bit\": 3", "\"bit\": 0", "two structures are bit 0"),
@@ -99,7 +99,7 @@ fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
         let stated = read(field, text).unwrap_err().to_string();
         assert!(stated.contains(expected), "{field}: {text}: {stated}");
     }
-    assert!(read_nrrd(b"PNG").unwrap_err().to_string().contains("no NRRD file"));
+    assert!(read_nrrd(b"PNG").unwrap_err().to_string().contains("not an NRRD file"));
     assert!(read_nrrd(b"NRRD0005\ntype: int16\n").unwrap_err().to_string().contains("empty line"));
 }
 
