@@ -57,6 +57,9 @@ pub struct PlanFile {
     pub seed: u64,
     /// The objective of the planned fluence.
     pub objective: f64,
+    /// What uneven fluence adds to it; the rest is the sum of the costs of the objectives.
+    #[serde(default)]
+    pub modulation: f64,
     /// The robust game, where it was played.
     #[serde(default)]
     pub robust_game: Option<PlanFileGame>,

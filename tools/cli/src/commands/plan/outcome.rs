@@ -38,6 +38,8 @@ pub struct Outcome<'a> {
     pub figures: Vec<StructureDose>,
     /// How the dose falls off in the planned set-up.
     pub fall_off: Option<FallOff>,
+    /// What uneven fluence adds to the objective.
+    pub modulation: f64,
     /// The objectives with what the planned fluence gives.
     pub objectives: Vec<ObjectiveResult>,
     /// The limits of the protocol, in the planned set-up.
@@ -103,6 +105,12 @@ impl<'a> Outcome<'a> {
                 .collect(),
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
+            modulation: match request.setup.goals.modulation() {
+                Some(_) => {
+                    best.solved_cost() - request.setup.goals.cost_of(&best.plan).map_err(Failure::failed)?
+                }
+                None => 0.0,
+            },
             objectives: objectives.map_err(Failure::failed)?,
             limits: request.protocol().iter().flat_map(|p| p.judge(case, &given[0])).collect(),
             moved: given[1..].iter().map(of_moving).collect(),
@@ -193,6 +201,7 @@ impl<'a> Outcome<'a> {
             method: self.run.name,
             seed: request.seed,
             objective: best.solved_cost(),
+            modulation: self.modulation,
             robust_game: best.answer.as_ref().map(|answer| PlanFileGame {
                 worst_objective: best.cost,
                 worst_setup: answer.error,
