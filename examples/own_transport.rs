@@ -56,10 +56,9 @@ impl Sender for End {
             let (found, expected, longest) = (self.1.name(), receiver.name(), receiver.longest());
             // Another type, layout or frame: its bytes would be read as something else.
             if found != expected {
-                link.refusal = Some(LinkRefusal::OtherChannel { peer: "memory".into(), found, expected });
+                link.refusal = Some(LinkRefusal::OtherChannel { peer: "here".into(), found, expected });
             } else if bytes.len() > longest {
-                link.refusal =
-                    Some(LinkRefusal::TooLong { peer: "memory".into(), bytes: bytes.len(), longest });
+                link.refusal = Some(LinkRefusal::TooLong { peer: "me".into(), bytes: bytes.len(), longest });
             } else {
                 link.waiting.push_back(bytes);
                 let surplus = link.waiting.len().saturating_sub(MOST_WAITING);

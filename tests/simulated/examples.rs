@@ -198,7 +198,7 @@ fn the_isocentre_of_the_ct_is_brought_to_that_of_the_machine_and_the_beam_waits_
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    let run = run(&text, &registry(), &DiskFiles::next_to(&path), 8000).unwrap();
+    let run = run(&text, &registry(), &DiskFiles::next_to(&path), 11_000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let isocentre = Vector3::new(0.022, 0.033, 0.154);
     let pose = |view: &View<'_, Pose>| {

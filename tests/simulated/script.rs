@@ -174,7 +174,7 @@ fn a_script_says_a_command_again_until_it_is_accepted_with_its_reason_each_time(
     let reasons: Vec<String> = refused.iter().map(|r| r.first().unwrap().reason().to_owned()).collect();
     assert_eq!(reasons.len(), 2, "{reasons:?}");
     assert!(
-        reasons.iter().all(|r| r.starts_with("arm said again: ") && r.contains("unconfirmed")),
+        reasons.iter().all(|r| r.starts_with("arm repeated: ") && r.contains("unconfirmed")),
         "{reasons:?}"
     );
     // What follows in the script waits.

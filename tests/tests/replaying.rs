@@ -289,7 +289,7 @@ fn an_operator_that_this_build_cannot_make_is_no_gap_of_the_session() {
     let tampered = bench.path("tampered");
     rewrite_all(&session, &tampered, |_, attachments| {
         let sets = attachments.iter_mut().find(|a| a.name == "sets.json").unwrap();
-        sets.bytes = br#"["fragile.route=error"]"#.to_vec();
+        sets.bytes = br#"["fragile.interruption=error"]"#.to_vec();
     });
     let done = bench.call(&["replay", text(&tampered)]);
     assert_eq!(done.code(), 1, "{}", done.out);

@@ -274,9 +274,17 @@ fn median(weights: &[f64]) -> Option<f64> {
     lit.get(lit.len() / 2).copied()
 }
 
-/// The heaviest bixel of a beam above so many medians.
+/// A peak is also so many times what nine of ten lit bixels do not exceed: a field with a wide rim of little weight has
+/// a low median, and no peak.
+const OVER_THE_OTHERS: f64 = 3.0;
+
+/// The heaviest bixel of a beam above so many medians, and above the other heavy ones.
 fn peak(beam: &CheckedBeam, median: f64, most: f64) -> Option<Fault> {
-    let count = beam.weights.iter().filter(|weight| **weight > most * median).count();
+    let mut lit: Vec<f64> = beam.weights.iter().copied().filter(|weight| *weight > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    let others = lit.get(lit.len().saturating_sub(1) * 9 / 10)?;
+    let least = (most * median).max(OVER_THE_OTHERS * others);
+    let count = beam.weights.iter().filter(|weight| **weight > least).count();
     let (bixel_mm, weight) =
         beam.bixels_mm.iter().zip(&beam.weights).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     (count > 0).then_some(Fault::Peak {

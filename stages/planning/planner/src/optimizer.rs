@@ -291,8 +291,20 @@ impl PlanOptimizer {
                 if let Some(fault) = checked.faults.first() {
                     let request = job.asked.request;
                     let refusal = refusal_of(fault);
+                    // The plan that stands is judged in this set-up all the same.
+                    self.judge_limits()?;
+                    let (judged, _) = self.update();
                     self.job = None;
-                    return self.refuse(request, refusal, outputs);
+                    let body = PlanUpdateBody {
+                        request,
+                        refusal: refusal as u32,
+                        ended: 1,
+                        standing: judged.standing,
+                        standing_d98: judged.standing_d98,
+                        standing_d2: judged.standing_d2,
+                        ..self.nothing()
+                    };
+                    return outputs.send_slice::<PlanUpdate>(PLAN, &body, &[]);
                 }
             }
             self.keep_standing();

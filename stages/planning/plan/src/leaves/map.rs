@@ -132,7 +132,7 @@ impl LeafMap {
         Ok(Some(Self { first_pair, first_column, columns, width_mm, fluence }))
     }
 
-    /// The map in levels; each fluence goes to the nearest. The fluence that [`TOP`] of those above zero do not exceed is
+    /// The map in levels; each fluence goes to the nearest. The fluence that `TOP` of those above zero do not exceed is
     /// `count` of them, and what is above has more: so one bixel does not set the unit of all others.
     pub fn levels(&self, count: u32) -> Result<Levels, LeavesError> {
         if !(1..=1000).contains(&count) {
