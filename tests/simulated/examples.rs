@@ -186,19 +186,12 @@ const PLANNED: [f64; 3] = [0.023_882, 0.051_765, 0.021_357];
 fn the_isocentre_of_the_ct_is_brought_to_that_of_the_machine_and_the_beam_waits_for_it() {
     let path = from_root("examples/head-from-ct.yaml");
     let mut text = std::fs::read_to_string(&path).unwrap();
-    for (from, to) in [
-        (
-            "camera: { every: 50 ms }",
-            "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }",
-        ),
-        ("frame_period: 50 ms", "frame_period: 100 ms"),
-        ("watchdog: 150 ms", "watchdog: 300 ms"),
-        ("at: 2 s, over: 4 s", "at: 1 s, over: 2 s"),
-    ] {
+    // With the camera of the example: in images of a quarter of its size and half its rate the head is not proven in 11 s.
+    for (from, to) in [("at: 2 s, over: 4 s", "at: 1 s, over: 2 s")] {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    let run = run(&text, &registry(), &DiskFiles::next_to(&path), 11_000).unwrap();
+    let run = run(&text, &registry(), &DiskFiles::next_to(&path), 9000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let isocentre = Vector3::new(0.022, 0.033, 0.154);
     let pose = |view: &View<'_, Pose>| {
