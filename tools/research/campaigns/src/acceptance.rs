@@ -264,7 +264,10 @@ impl Planned {
         let cache = DoseCache::in_folder(Path::new(folder.path())).map_err(|e| text(&e))?;
         let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, threads, || ())
             .map_err(|e| text(&e))?;
-        let goals = table.for_points(case, &sampling).and_then(|objective_set| objective_set.goals(1)).map_err(|e| text(&e))?;
+        let goals = table
+            .for_points(case, &sampling)
+            .and_then(|objective_set| objective_set.goals(1))
+            .map_err(|e| text(&e))?;
         let mut evaluator = Evaluator::new(&doses, &goals, ring, count, Budget { solves: 1 });
         let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(|e| text(&e))?.best;
         drop(evaluator);

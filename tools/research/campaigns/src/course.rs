@@ -231,8 +231,10 @@ impl Watch {
         // Motion of the head at the tracked point, along and about the axes of the couch.
         let (moved, across) = numbers(&(pose * start.inverse() * point));
         let (from, _) = numbers(point);
-        let requested = [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
-        let paired_median = [target.position[0] * 1e3, target.position[1] * 1e3, target.angles[2].to_degrees()];
+        let requested =
+            [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
+        let paired_median =
+            [target.position[0] * 1e3, target.position[1] * 1e3, target.angles[2].to_degrees()];
         let point = Point {
             time: time as f64 * 1e-9,
             moved: std::array::from_fn(|i| moved[i] - from[i]),

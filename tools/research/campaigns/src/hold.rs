@@ -5,7 +5,7 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 use stillpoint_rig::involuntary::{Habit, Involuntary};
 
-use super::course::{Course, RunSpec, Point};
+use super::course::{Course, Point, RunSpec};
 use super::laws::{self, Law, Runs};
 use super::step::WITHIN;
 use stillpoint::jobs;

@@ -19,7 +19,6 @@
 extern crate stillpoint;
 
 mod acceptance;
-mod paired_median;
 mod cases;
 mod course;
 mod hold;
@@ -29,6 +28,7 @@ mod monitor;
 mod noise;
 mod observed;
 mod optimum;
+mod paired_median;
 mod robust;
 mod search;
 mod step;

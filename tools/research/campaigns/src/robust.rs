@@ -4,10 +4,10 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
-use super::paired_median::{self, median};
 use super::cases::Case;
 use super::course::{Course, Point, STEP, worst};
 use super::laws::{self, Law};
+use super::paired_median::{self, median};
 use super::step::{MOVES, WITHIN};
 use super::trials::without_camera;
 use stillpoint::jobs;

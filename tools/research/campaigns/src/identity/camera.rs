@@ -123,7 +123,9 @@ impl PatientCamera {
         *image.body() = self.intrinsics;
         match event {
             Event::Blind => image.elements().fill(0),
-            Event::Frozen if self.retained.len() == pixels => image.elements().copy_from_slice(&self.retained),
+            Event::Frozen if self.retained.len() == pixels => {
+                image.elements().copy_from_slice(&self.retained)
+            }
             _ => {
                 let view = self.renderer.render(pose).map_err(failure)?;
                 let mut random = activation.random();

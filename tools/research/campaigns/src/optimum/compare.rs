@@ -119,7 +119,10 @@ pub fn run(
 ) -> Result<Option<Ran>, Box<dyn std::error::Error>> {
     let geometry = Geometry::of_case(subject.problem.case(), subject.ring);
     let prior: Option<&dyn Prior> = match entry.contender {
-        Contender::SearchWithGeometry | Contender::GeometryAlone | Contender::Construction | Contender::TwoPlayers => Some(&geometry),
+        Contender::SearchWithGeometry
+        | Contender::GeometryAlone
+        | Contender::Construction
+        | Contender::TwoPlayers => Some(&geometry),
         Contender::SearchWithNetwork | Contender::NetworkAlone => Some(&subject.judgement),
         _ => None,
     };

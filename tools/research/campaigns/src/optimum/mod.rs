@@ -9,10 +9,10 @@
 //! - `networks`: the sets of several networks
 
 mod compare;
-mod retained;
 mod networks;
 mod paired;
 mod prove;
+mod retained;
 mod robust;
 mod subject;
 

@@ -112,7 +112,8 @@ mod tests {
         };
         let over = |dose, weight| Objective::Overdose(Overdose { dose, weight });
         let target = vec![over(60.0, 10.0), Objective::Underdose(Underdose { dose: 60.0, weight: 20.0 })];
-        let goals = vec![requested("target", 0..12, target), requested("organ", 12..30, vec![over(20.0, 5.0)])];
+        let goals =
+            vec![requested("target", 0..12, target), requested("organ", 12..30, vec![over(20.0, 5.0)])];
         (doses, Goals::new(goals, 30).unwrap())
     }
 

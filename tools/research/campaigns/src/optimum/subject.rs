@@ -34,7 +34,8 @@ impl Subject {
     ) -> Result<Self, Box<dyn std::error::Error>> {
         let problem = patient.problem()?;
         let machine = Machine::shipped()?;
-        let eye = Eye::of_case(problem.case(), problem.requested(), &machine, ANGLES, patient.coarse.bixel_mm)?;
+        let eye =
+            Eye::of_case(problem.case(), problem.requested(), &machine, ANGLES, patient.coarse.bixel_mm)?;
         let class = if problem.case().is_pelvis() { pelvis_solutions(beams) } else { Vec::new() };
         Ok(Self {
             name: patient.name(),

@@ -21,10 +21,10 @@ use stillpoint_train::planner::{About, Card, Options, Pooled, Schedule, train};
 
 use super::publish;
 pub use player::Player;
+use reported::Bars;
 use stillpoint::quantity;
 use stillpoint::{Ended, Failure};
 use stillpoint::{PoolArgs, print_shares};
-use reported::Bars;
 use workers::Workers;
 
 /// Number of the first phantom of self-play, beside those of openings.

@@ -2,7 +2,7 @@
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use stillpoint_report::chart::{Chart, Series, Style};
-use stillpoint_train::planner::{Pass, Schedule, Summary, Progress};
+use stillpoint_train::planner::{Pass, Progress, Schedule, Summary};
 
 use stillpoint::Failure;
 
