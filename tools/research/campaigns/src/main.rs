@@ -53,7 +53,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Campaign {
-    IdentityCampaign(identity::IdentityCampaign),
+    Identity(identity::IdentityCampaign),
     Step(step::StepBench),
     Robust(robust::Robust),
     Hold(hold::Hold),
@@ -66,7 +66,7 @@ enum Campaign {
 impl Campaign {
     fn execute(self, registry: &Registry) -> Ended {
         match self {
-            Self::IdentityCampaign(c) => c.execute(registry),
+            Self::Identity(c) => c.execute(registry),
             Self::Step(c) => c.execute(registry),
             Self::Robust(c) => c.execute(registry),
             Self::Hold(c) => c.execute(registry),

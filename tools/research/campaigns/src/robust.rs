@@ -62,7 +62,7 @@ pub struct Robust {
     threads: Option<usize>,
     /// Compare with another law: a file that this measurement wrote with `--json` for the same cases and seeds. Says for
     /// each case which law is nearer in the median over the seeds.
-    #[arg(long, value_name = "FILE", conflicts_with = "json")]
+    #[arg(long = "beside", value_name = "FILE", conflicts_with = "json")]
     paired_median: Option<std::path::PathBuf>,
     /// Print JSON.
     #[arg(long)]

@@ -77,7 +77,7 @@ pub struct Optimum {
     #[arg(long)]
     all_methods: bool,
     /// Folder in which proved optima are kept, so that another run need not prove them again.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long = "kept", value_name = "DIR")]
     retained: Option<PathBuf>,
     /// Compare the robust game with the nominal one instead: beams for the worst of six set-up errors, shifts of the patient
     /// by so many mm along each axis, against beams for none. Both are judged as planned and under the worst error.
