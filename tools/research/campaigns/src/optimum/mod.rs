@@ -87,7 +87,7 @@ pub struct Optimum {
     #[arg(long, value_delimiter = ',', value_name = "FILES")]
     networks: Vec<PathBuf>,
     /// Prove the optima and compare nothing. Only with `--ring 18` and `--kept`.
-    #[arg(long, requires = "kept")]
+    #[arg(long, requires = "retained")]
     only_proofs: bool,
     /// Print JSON.
     #[arg(long)]
