@@ -34,31 +34,52 @@ impl Drift {
         Self { limits, begun: None }
     }
 
-    /// Notes that the beam is on, with the pose of a reference of this number at a target.
+    /// Notes that the beam is on, with the pose of a reference of this number at a target. A channel counts from where it
+    /// was first known.
     pub fn begin(&mut self, track: &TrackElement, target: &TargetElement, reference: u32) {
         let setting = (target.asked, target.channels, reference);
-        if self.begun.is_none_or(|(begun, _)| begun != setting) {
-            self.begun = Some((setting, numbers(track, true)));
+        let now = self.known(track);
+        match &mut self.begun {
+            Some((begun, places)) if *begun == setting => {
+                places
+                    .iter_mut()
+                    .zip(now)
+                    .filter(|(place, _)| place.is_nan())
+                    .for_each(|(place, now)| *place = now);
+            }
+            _ => self.begun = Some((setting, now)),
         }
     }
 
-    /// Whether the head is too far from there. A coordinate that is not known as well as the limit tells nothing.
+    /// Whether the head is too far from there. A channel that was never known as well as its limit says nothing; one that
+    /// was, and no longer is, may be anywhere.
     #[must_use]
     pub fn is_beyond(&self, track: &TrackElement, target: &TargetElement, reference: u32) -> bool {
         let Some((setting, begun)) = &self.begun else { return false };
         if *setting != (target.asked, target.channels, reference) {
             return false;
         }
-        let now = numbers(track, true);
-        let is_free = |place: &usize| track.channels & !target.channels & 0x3f & (1 << *place) != 0;
-        (0..6).filter(is_free).any(|place| {
+        let now = self.known(track);
+        let is_free = |place: &usize| !target.channels & (1 << *place) != 0;
+        (0..6).filter(is_free).filter(|place| !begun[*place].is_nan()).any(|place| {
             let plain = now[place] - begun[place];
-            let (moved, limit) = match place {
-                0..3 => (plain, self.limits.position),
-                _ => (libm::remainder(plain, core::f64::consts::TAU), self.limits.angle),
-            };
-            let is_known = track.covariance[13 * place].sqrt() <= limit;
-            is_known && moved.abs() > limit
+            let moved = if place < 3 { plain } else { libm::remainder(plain, core::f64::consts::TAU) };
+            moved.is_nan() || moved.abs() > self.limit(place)
+        })
+    }
+
+    fn limit(&self, place: usize) -> f64 {
+        if place < 3 { self.limits.position } else { self.limits.angle }
+    }
+
+    /// The coordinates that are known as well as their limits; NaN for the others.
+    fn known(&self, track: &TrackElement) -> [f64; 6] {
+        let now = numbers(track, true);
+        std::array::from_fn(|place| {
+            let is_known = track.channels & (1 << place) != 0
+                && track.covariance[13 * place].sqrt() <= self.limit(place)
+                && now[place].is_finite();
+            if is_known { now[place] } else { f64::NAN }
         })
     }
 }
@@ -130,11 +151,23 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_that_is_not_known_tells_nothing() {
-        let mut far = track(0.1, 0.1);
-        far.covariance[0] = f64::INFINITY;
-        assert!(!begun().is_beyond(&far, &target(1), 1));
-        far.covariance[0] = f64::NAN;
-        assert!(!begun().is_beyond(&far, &target(1), 1));
+    fn a_channel_that_was_never_known_says_nothing_and_one_that_is_lost_is_beyond() {
+        let mut unknown = track(0.01, 0.1);
+        unknown.covariance[0] = f64::INFINITY;
+        let mut drift = Drift::new(LIMITS);
+        drift.begin(&unknown, &target(1), 1);
+        assert!(!drift.is_beyond(&unknown, &target(1), 1));
+        assert!(!drift.is_beyond(&track(0.1, 0.1), &target(1), 1), "nothing is known of where it was");
+        // From here on x is known, and counts.
+        drift.begin(&track(0.02, 0.1), &target(1), 1);
+        assert!(!drift.is_beyond(&track(0.02, 0.1), &target(1), 1));
+        assert!(drift.is_beyond(&track(0.0225, 0.1), &target(1), 1));
+        for lost in [f64::INFINITY, f64::NAN, -1.0] {
+            unknown.covariance[0] = lost;
+            assert!(drift.is_beyond(&unknown, &target(1), 1), "{lost}");
+        }
+        let mut missing = track(0.02, 0.1);
+        missing.channels = 4 | 8 | 16;
+        assert!(drift.is_beyond(&missing, &target(1), 1), "the channel is missing");
     }
 }
