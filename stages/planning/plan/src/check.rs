@@ -219,7 +219,7 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
     let delivered: f64 = plan.beams.iter().map(|beam| beam.delivered).sum();
     let part = plan.beams.iter().map(|beam| beam.outside).sum::<f64>() / delivered.max(f64::MIN_POSITIVE);
     values.outside = part;
-    if part > bounds.outside {
+    if !is_within(part, bounds.outside) {
         faults.push(Fault::Outside { part, most: bounds.outside });
     }
     for beam in &plan.beams {
@@ -230,7 +230,7 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
     if let Some(monitor_units) = plan.monitor_units {
         let (fraction_gy, most) = (plan.fraction_gy, bounds.mu_per_cgy);
         values.mu_per_cgy = (fraction_gy > 0.0).then(|| monitor_units / (100.0 * fraction_gy));
-        if monitor_units > most * 100.0 * fraction_gy {
+        if !is_within(monitor_units, most * 100.0 * fraction_gy) {
             faults.push(Fault::Units { monitor_units, fraction_gy, most });
         }
     }
@@ -240,21 +240,23 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
         Some(moved) if planned.hottest_gy > 0.0 => moved.hottest_gy / planned.hottest_gy,
         _ => 0.0,
     };
-    faults.extend(hottest.filter(|moved| moved.hottest_gy > bounds.hottest * planned.hottest_gy).map(
-        |moved| Fault::Hotter {
-            shift_mm: moved.shift_mm,
-            planned_gy: planned.hottest_gy,
-            shifted_gy: moved.hottest_gy,
-            most: bounds.hottest,
-        },
-    ));
+    faults.extend(
+        hottest.filter(|moved| !is_within(moved.hottest_gy, bounds.hottest * planned.hottest_gy)).map(
+            |moved| Fault::Hotter {
+                shift_mm: moved.shift_mm,
+                planned_gy: planned.hottest_gy,
+                shifted_gy: moved.hottest_gy,
+                most: bounds.hottest,
+            },
+        ),
+    );
     for (at, (target, _)) in planned.covered.iter().enumerate() {
         let shifted = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
         let of_planned = |moved: &CheckedDose| moved.of_planned.get(at).copied().unwrap_or_default();
         let lost = |moved: &CheckedDose| of_planned(moved) - shifted(moved);
         let Some(worst) = plan.shifted.iter().max_by(|a, b| lost(a).total_cmp(&lost(b))) else { continue };
         values.uncovered = values.uncovered.max(lost(worst));
-        if lost(worst) > bounds.uncovered {
+        if !is_within(lost(worst), bounds.uncovered) {
             faults.push(Fault::Uncovered {
                 target: target.clone(),
                 shift_mm: worst.shift_mm,
@@ -267,6 +269,11 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
     Checked { bounds: *bounds, values, faults }
 }
 
+/// Whether a number is at most a bound; what is not a number is within nothing.
+fn is_within(value: f64, most: f64) -> bool {
+    value <= most
+}
+
 /// The median of the weights above zero.
 fn median(weights: &[f64]) -> Option<f64> {
     let mut lit: Vec<f64> = weights.iter().copied().filter(|weight| *weight > 0.0).collect();
@@ -274,27 +281,45 @@ fn median(weights: &[f64]) -> Option<f64> {
     lit.get(lit.len() / 2).copied()
 }
 
-/// A peak is also so many times what nine of ten lit bixels do not exceed: a field with a wide rim of little weight has
-/// a low median, and no peak.
+/// A peak is also so many times what nine of ten lit bixels do not exceed, or the mean of the bixels around it: a field
+/// with a wide rim of little weight has a low median, and no peak.
 const OVER_THE_OTHERS: f64 = 3.0;
 
-/// The heaviest bixel of a beam above so many medians, and above the other heavy ones.
+/// The heaviest bixel of a beam that is above so many medians, and above the other heavy ones or its neighbours.
 fn peak(beam: &CheckedBeam, median: f64, most: f64) -> Option<Fault> {
     let mut lit: Vec<f64> = beam.weights.iter().copied().filter(|weight| *weight > 0.0).collect();
     lit.sort_by(f64::total_cmp);
     let others = lit.get(lit.len().saturating_sub(1) * 9 / 10)?;
-    let least = (most * median).max(OVER_THE_OTHERS * others);
-    let count = beam.weights.iter().filter(|weight| **weight > least).count();
-    let (bixel_mm, weight) =
-        beam.bixels_mm.iter().zip(&beam.weights).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    (count > 0).then_some(Fault::Peak {
+    let is_peak = |at: usize, weight: f64| {
+        !is_within(weight, most * median)
+            && (!is_within(weight, OVER_THE_OTHERS * others)
+                || !is_within(weight, OVER_THE_OTHERS * around(beam, at).unwrap_or(f64::INFINITY)))
+    };
+    let all = beam.bixels_mm.iter().zip(&beam.weights).enumerate();
+    let peaks: Vec<_> =
+        all.filter(|(at, (_, weight))| is_peak(*at, **weight)).map(|(_, peak)| peak).collect();
+    let (bixel_mm, weight) = peaks.iter().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    Some(Fault::Peak {
         gantry_deg: beam.gantry_deg,
-        bixel_mm: *bixel_mm,
-        weight: *weight,
+        bixel_mm: **bixel_mm,
+        weight: **weight,
         median,
-        count,
+        count: peaks.len(),
         most,
     })
+}
+
+/// The mean weight of the bixels next to one, corners included; `None` where there is none.
+fn around(beam: &CheckedBeam, at: usize) -> Option<f64> {
+    let centre = beam.bixels_mm.get(at)?;
+    let distance = |bixel: &[f64; 2]| (bixel[0] - centre[0]).hypot(bixel[1] - centre[1]);
+    let others = || beam.bixels_mm.iter().zip(&beam.weights).enumerate().filter(|(other, _)| *other != at);
+    let nearest = others().map(|(_, (bixel, _))| distance(bixel)).fold(f64::INFINITY, f64::min);
+    let next: Vec<f64> = others()
+        .filter(|(_, (bixel, _))| distance(bixel) <= 1.5 * nearest)
+        .map(|(_, (_, weight))| *weight)
+        .collect();
+    (!next.is_empty()).then(|| next.iter().sum::<f64>() / next.len() as f64)
 }
 
 /// Spacing of the grid on which doses of shifts are compared, mm.
@@ -337,8 +362,8 @@ impl Check {
         let planned = dose([0.0; 3])?;
         let mut shifted = Vec::new();
         for axis in 0..3 {
-            for direction in [-bounds.shift_mm, bounds.shift_mm] {
-                let shift_mm: [f64; 3] = std::array::from_fn(|at| if at == axis { direction } else { 0.0 });
+            for shift in [-bounds.shift_mm, bounds.shift_mm] {
+                let shift_mm: [f64; 3] = std::array::from_fn(|at| if at == axis { shift } else { 0.0 });
                 let covered = CheckedDose::of(shift_mm, &figures(&dose(shift_mm)?));
                 // A voxel of the moved patient is in the room where that of the planned patient was that far away.
                 let in_room = |voxel: usize| {
@@ -439,6 +464,53 @@ mod tests {
         );
         assert!(words(&|plan| plan.shifted[1].hottest_gy = 97.0).contains("moved by (-5, 0, 0) mm"));
         assert!(words(&|plan| plan.shifted[0].covered[0].1 = 0.6).contains("60.0 % of PTV"));
+    }
+
+    /// A field of 9 by 9 bixels: the middle 5 by 5 of weight 10, a rim of weight 0.5.
+    fn field() -> CheckedBeam {
+        let places = (0..81).map(|i| [i % 9, i / 9]);
+        let is_middle = |at: &[i32; 2]| at.iter().all(|k| (2..7).contains(k));
+        CheckedBeam {
+            gantry_deg: 40.0,
+            bixels_mm: places.clone().map(|at| at.map(|k| 10.0 * f64::from(k))).collect(),
+            weights: places.map(|at| if is_middle(&at) { 10.0 } else { 0.5 }).collect(),
+            delivered: 278.0,
+            outside: 0.0,
+        }
+    }
+
+    fn peaks(change: impl Fn(&mut CheckedBeam)) -> usize {
+        let mut plan = good();
+        plan.beams = vec![field()];
+        change(&mut plan.beams[0]);
+        let faults = check(&plan, &Bounds::default()).faults;
+        faults.iter().map(|f| if let Fault::Peak { count, .. } = f { *count } else { 0 }).sum()
+    }
+
+    #[test]
+    fn a_rim_of_little_fluence_is_no_peak_and_single_heavy_bixels_are_however_many() {
+        assert_eq!(peaks(|_| ()), 0);
+        assert_eq!(peaks(|beam| beam.weights[40] = 40.0), 1);
+        // Each fourth bixel of the rim: more than one in ten, so nine of ten say nothing.
+        let spread = |beam: &mut CheckedBeam| {
+            let corners = (0..81).filter(|i| i % 9 % 2 == 0 && i / 9 % 2 == 0);
+            corners.for_each(|i| beam.weights[i] = 60.0);
+        };
+        assert!(peaks(spread) > 8);
+    }
+
+    #[test]
+    fn what_is_not_a_number_passes_no_check() {
+        let faults = |harm: &dyn Fn(&mut Check)| {
+            let mut plan = good();
+            harm(&mut plan);
+            check(&plan, &Bounds::default()).faults.len()
+        };
+        assert!(faults(&|plan| plan.beams[0].outside = f64::NAN) > 0);
+        assert!(faults(&|plan| plan.monitor_units = Some(f64::NAN)) > 0);
+        assert!(faults(&|plan| plan.beams[0].weights[0] = f64::NAN) > 0);
+        assert!(faults(&|plan| plan.shifted[0].hottest_gy = f64::NAN) > 0);
+        assert!(faults(&|plan| plan.shifted[0].covered[0].1 = f64::NAN) > 0);
     }
 
     #[test]

@@ -333,3 +333,28 @@ fn a_plan_that_the_check_refuses_is_not_offered_and_the_reason_is_in_the_update(
     assert_eq!(answer.refusal(), Some(PlanRefusal::Accept));
     assert_eq!(answer.standing(), PlanStanding::Unknown);
 }
+
+/// Whether the standing plan holds is what the gate asks, also where there is no better one.
+#[test]
+fn a_refused_plan_does_not_hide_whether_the_standing_plan_holds() {
+    let mut files = files();
+    let table = r#"{ "modulation": { "neighbours": 0, "peaks": 0, "times_mean": 4 }, "objectives": [
+        { "role": "target", "wanted": [{ "underdose": { "dose": "100 %", "weight": 1000 } },
+            { "overdose": { "dose": "105 %", "weight": 100 } }] },
+        { "match": ["Rectum"], "wanted": [{ "underdose": { "dose": "45 Gy", "weight": 100 } }] },
+        { "role": "external", "wanted": [{ "overdose": { "dose": "100 Gy", "weight": 1 } }] } ] }"#;
+    files.files.insert("uneven.json".to_owned(), table.as_bytes().to_vec());
+    for (y, standing) in [(-9.0, PlanStanding::Fails), (9.0, PlanStanding::Holds)] {
+        let mut bench = bench_with(", objectives: uneven.json", &files);
+        ask(&mut bench, &request([0.0; 3]));
+        let (planned, _) = to_the_end(&mut bench).pop().unwrap();
+        assert_eq!(planned.refusal(), Some(PlanRefusal::None));
+        ask(&mut bench, &request([0.0, y, 0.0]));
+        let (moved, fluence) = to_the_end(&mut bench).pop().unwrap();
+        assert_eq!((moved.refusal(), moved.standing()), (Some(PlanRefusal::CheckPeak), standing), "{y}");
+        assert!(
+            moved.standing_d98.is_finite() && moved.target_d98.is_nan() && fluence.is_empty(),
+            "{moved:?}"
+        );
+    }
+}
