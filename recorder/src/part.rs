@@ -139,7 +139,7 @@ impl SessionPart {
                 start = at;
             }
             if at < bytes.len() && !part.scan.blocks[number].cut {
-                let what = format!("its last {} bytes are not whole record", bytes.len() - at);
+                let what = format!("its last {} bytes are not a whole record", bytes.len() - at);
                 part.damage.push(Damage { offset, what });
             }
         }

@@ -54,7 +54,7 @@ pub enum Content<'a> {
 
 /// Bytes that are no delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("{0} bytes are not message of ROS 2 as the bridge hands it over")]
+#[error("{0} bytes are not a message of ROS 2 as the bridge hands it over")]
 pub struct NoDelivery(pub usize);
 
 impl<'a> Delivery<'a> {

@@ -39,7 +39,7 @@ pub fn is_ros_time(stamp: u64) -> bool {
 #[non_exhaustive]
 pub enum CdrError {
     /// The bytes are too few for any message.
-    #[error("{0} bytes are not CDR message: 4 bytes that name its form come first")]
+    #[error("{0} bytes are not a CDR message: 4 bytes that name its form come first")]
     NoMessage(usize),
     /// The bytes are in another form.
     #[error("it starts with {found:02x?}, which does not mark {expected}{}", hint(*found))]

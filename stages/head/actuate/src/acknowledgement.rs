@@ -100,7 +100,7 @@ impl Acknowledgement {
     /// # Errors
     /// Why it is refused.
     pub fn decode(bytes: &[u8], key: &Key) -> Result<Self, DatagramRefusal> {
-        let description = FORM.open(bytes, key)?;
+        let content = FORM.open(bytes, key)?;
         // Only a holder of the key gets here.
         let doing = match bytes[5] {
             0 => FarEndDoing::Holding,
@@ -108,11 +108,11 @@ impl Acknowledgement {
             2 => FarEndDoing::Following,
             _ => return Err(DatagramRefusal::Malformed),
         };
-        let (pressure, bladders) = FORM.numbers::<PRESSURES>(description);
+        let (pressure, bladders) = FORM.numbers::<PRESSURES>(content);
         if pressure.iter().any(|p| !p.is_finite()) {
             return Err(DatagramRefusal::NotFinite);
         }
-        let number = |place: usize| eight(&description[8 + 8 * place..]);
+        let number = |place: usize| eight(&content[8 + 8 * place..]);
         let found = Self {
             doing,
             beam: bytes[6] == 1,

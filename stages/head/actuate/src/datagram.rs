@@ -98,7 +98,7 @@ pub fn receiving(bytes: &[u8]) -> Option<Receiving> {
 /// # Errors
 /// Why it is refused.
 pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, DatagramRefusal> {
-    let description = FORM.open(bytes, key)?;
+    let content = FORM.open(bytes, key)?;
     // Only a holder of the key gets here.
     let order = match bytes[6] {
         0 => Order::Hold,
@@ -111,7 +111,7 @@ pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, DatagramRefusal> {
         1 => Safe::Vent,
         _ => return Err(DatagramRefusal::Malformed),
     };
-    let (duty, valves) = FORM.numbers::<VALVES>(description);
+    let (duty, valves) = FORM.numbers::<VALVES>(content);
     let message = Message {
         receiving: receiving_of(bytes[5]).ok_or(DatagramRefusal::Malformed)?,
         order,

@@ -42,13 +42,13 @@ impl Drive {
     pub fn pass(&mut self, now: u64) {
         let Some((at, order)) = self.last else { return };
         self.gone = now.saturating_sub(at);
-        let reported = self.gone.min(self.driven.life);
-        self.obey(order, reported);
+        let valid = self.gone.min(self.driven.life);
+        self.obey(order, valid);
         let safe = match self.driven.safe {
             Safe::Hold => Order::Hold,
             Safe::Vent => Order::Vent,
         };
-        self.obey(safe, self.gone - reported);
+        self.obey(safe, self.gone - valid);
     }
 
     fn obey(&mut self, order: Order, ns: u64) {
@@ -77,7 +77,7 @@ impl Drive {
     }
 
     /// Gives an order at `now`, ns, the time that was gone on to. Duties that are asked for count where it is to follow.
-    pub fn report(&mut self, now: u64, order: Order, asked: &[f64]) -> Shaped {
+    pub fn give(&mut self, now: u64, order: Order, asked: &[f64]) -> Shaped {
         let mut shaped = Shaped::default();
         let is_gap = self.gone > self.driven.life;
         if order != Order::Follow || is_gap {
@@ -138,7 +138,7 @@ mod tests {
         let mut drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&pressure));
         for tick in 0..=10 {
             drive.pass(tick * 10_000_000);
-            drive.report(tick * 10_000_000, Order::Follow, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            drive.give(tick * 10_000_000, Order::Follow, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
         }
         (f64::from(drive.duties()[0]), drive.pressures()[0])
     }

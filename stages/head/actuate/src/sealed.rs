@@ -53,17 +53,17 @@ impl Form {
         if count > self.most || bytes.len() != shortest + 4 * count {
             return Err(DatagramRefusal::Length);
         }
-        let (description, code) = bytes.split_at(bytes.len() - MAC_SIZE);
-        if key.confirms(description, code) { Ok(description) } else { Err(DatagramRefusal::Forged) }
+        let (content, code) = bytes.split_at(bytes.len() - MAC_SIZE);
+        if key.confirms(content, code) { Ok(content) } else { Err(DatagramRefusal::Forged) }
     }
 
     /// The numbers of what [`open`](Self::open) gave, and how many they are; zero beyond them.
-    pub fn numbers<const N: usize>(&self, description: &[u8]) -> ([f32; N], usize) {
+    pub fn numbers<const N: usize>(&self, content: &[u8]) -> ([f32; N], usize) {
         let mut numbers = [0.0; N];
-        for (slot, bytes) in numbers.iter_mut().zip(description[self.header..].chunks_exact(4)) {
+        for (slot, bytes) in numbers.iter_mut().zip(content[self.header..].chunks_exact(4)) {
             *slot = f32::from_le_bytes(four(bytes));
         }
-        (numbers, (description.len() - self.header) / 4)
+        (numbers, (content.len() - self.header) / 4)
     }
 }
 

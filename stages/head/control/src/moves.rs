@@ -49,11 +49,8 @@ impl Leg {
             }
         };
         let rate = rate / (self.over as f64 * 1e-9);
-        let direction = |i: usize| self.to[i] - self.from[i];
-        (
-            std::array::from_fn(|i| self.from[i] + part * direction(i)),
-            std::array::from_fn(|i| rate * direction(i)),
-        )
+        let span = |i: usize| self.to[i] - self.from[i];
+        (std::array::from_fn(|i| self.from[i] + part * span(i)), std::array::from_fn(|i| rate * span(i)))
     }
 
     /// Whether it is under way.

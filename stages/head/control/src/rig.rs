@@ -209,8 +209,8 @@ impl<const D: usize, const B: usize, const N: usize> Mechanics for At<D, B, N> {
 
     fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), Obstacle> {
         let pose = |moved: &[f64; 6]| SVector::from_fn(|i, _| self.rest[i] + moved[self.channels[i]]);
-        let direction = self.plant.reach_along(&pose(from), &pose(to), PARTS, &Limits::RIG, &self.push);
-        direction.map_err(|(part, why)| Obstacle { why, part })
+        let reached = self.plant.reach_along(&pose(from), &pose(to), PARTS, &Limits::RIG, &self.push);
+        reached.map_err(|(part, why)| Obstacle { why, part })
     }
 }
 

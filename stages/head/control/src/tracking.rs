@@ -103,9 +103,9 @@ impl Tracking {
         for i in 0..pose.len() {
             self.seen[i] = pose[i] - self.past.model_at(then, i);
             self.predicted[i] = self.seen[i] + self.past.corrected_since(then - self.delay, self.clock, i);
-            let direction = (target[i] - self.model.at()[i]) * left;
-            self.speed[i] = if pole.is_finite() { pole * direction } else { 0.0 };
-            self.ahead[i] = target[i] - direction;
+            let distance = (target[i] - self.model.at()[i]) * left;
+            self.speed[i] = if pole.is_finite() { pole * distance } else { 0.0 };
+            self.ahead[i] = target[i] - distance;
         }
         self.learn(then, dt);
     }

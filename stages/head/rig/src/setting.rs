@@ -172,10 +172,10 @@ mod tests {
                 assert_eq!(touches(setting, scale, Label::Body, 0.0), body, "{setting:?} {scale}");
                 assert!(touches(setting, scale, Label::Pad, 0.0), "{setting:?} {scale}");
                 // Over the flat pad, only what lies beside the head is a pad.
-                let neighbour = !matches!(setting, Setting::Pads | Setting::Shoulders);
+                let is_raised = !matches!(setting, Setting::Pads | Setting::Shoulders);
                 assert_eq!(
                     touches(setting, scale, Label::Pad, PAD_HEIGHT + 0.02),
-                    neighbour,
+                    is_raised,
                     "{setting:?} {scale}"
                 );
             }

@@ -226,7 +226,7 @@ impl HeadFinder {
         // Often they are one.
         let face_too = (face != cranium).then_some(face);
         let found = [cranium].into_iter().chain(face_too).find_map(|ball| {
-            hills.report(patches, &ball, plane, radius, true);
+            hills.separate(patches, &ball, plane, radius, true);
             let neck = Neck::of_balls(balls, &ball, plane, params);
             Some((ball, neck.or_else(|| Neck::of_face(hills.own(patches), &ball, plane, radius))?))
         });
@@ -234,7 +234,7 @@ impl HeadFinder {
         if self.neck.is_none() {
             self.hills.find(&self.edges);
             self.hills.part(radius);
-            self.hills.report(patches, &face, plane, radius, false);
+            self.hills.separate(patches, &face, plane, radius, false);
         }
         found.map_or(face, |(ball, _)| ball)
     }

@@ -54,7 +54,7 @@ impl Hills {
     /// Separates the summits of other objects from those of the head in `ball`. If the ball may be that of the
     /// `cranium`, a high summit beside it belongs to another object; beside the ball of a face, it may be the crown.
     /// `radius` is that of the adult head in metres.
-    pub fn report(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
+    pub fn separate(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
         self.is_other.clear();
         let all = patches.iter().zip(self.summits.prominence());
         self.is_other.extend(all.map(|(patch, &prominence)| {

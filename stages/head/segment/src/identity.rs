@@ -421,15 +421,15 @@ impl Region {
     pub const DEFAULT: Self = Self { at: [0.0, 0.0], half: 0.16, height: [0.03, 0.27] };
 
     fn certainty(&self, place: &Vector3<f64>, height: f64) -> f64 {
-        let direction = REGION_MARGIN * self.half;
+        let margin = REGION_MARGIN * self.half;
         let lateral = (place.x - self.at[0]).abs().max((place.y - self.at[1]).abs());
         let [low, high] = self.height;
         let inside = (self.half - lateral).min(height - low).min(high - height);
-        (0.5 + inside / (2.0 * direction)).clamp(0.0, 1.0)
+        (0.5 + inside / (2.0 * margin)).clamp(0.0, 1.0)
     }
 }
 
 /// 0.5 at the limit, 0 and 1 a way below and above it.
-fn at_limit(value: f64, [limit, direction]: [f64; 2]) -> f64 {
-    (0.5 + (value - limit) / (2.0 * direction)).clamp(0.0, 1.0)
+fn at_limit(value: f64, [limit, margin]: [f64; 2]) -> f64 {
+    (0.5 + (value - limit) / (2.0 * margin)).clamp(0.0, 1.0)
 }

@@ -90,7 +90,7 @@ pub enum Loss {
         needed: usize,
     },
     /// The frame lies elsewhere than the reference wherever it is turned.
-    #[error("{:.0} % of the frame match the reference (required: {:.0} %", 100.0 * alignment.overlap, 100.0 * needed)]
+    #[error("{:.0} % of the frame match the reference (required: {:.0} %)", 100.0 * alignment.overlap, 100.0 * needed)]
     NoFit {
         /// The best fit.
         alignment: Box<Alignment>,
@@ -346,8 +346,8 @@ impl Reference {
     /// The best start near the last pose: there, moved on, or with the centroids on each other.
     fn near(&self, cloud: &[Vector3<f64>], centroid: &Vector3<f64>, time: u64) -> Option<Isometry3<f64>> {
         let last = self.last.0;
-        let lateral = onto_centroid(&self.surface, centroid, &last.rotation);
-        let starts = [Some(last), self.predicted(time), Some(lateral)];
+        let centred = onto_centroid(&self.surface, centroid, &last.rotation);
+        let starts = [Some(last), self.predicted(time), Some(centred)];
         best_start(&self.surface, cloud, starts.into_iter().flatten())
     }
 

@@ -15,7 +15,7 @@
 //! - `names`: names of regions as names of structures
 //! - `property`: density overrides, boluses and couches
 //! - `raster`: contours to masks
-//! - `texts`: what is said of a structure whose voxels are not plainly its contours
+//! - `import_messages`: what is said of a structure whose voxels are not plainly its contours
 //! - `cut`: structures that the end of the images cuts
 //! - `find`: the images and structure sets in a folder
 //! - `import`: a folder to a case

@@ -120,7 +120,7 @@ pub enum GameError {
     #[error(transparent)]
     Model(#[from] ModelFileError),
     /// The bytes of a game.
-    #[error("the bytes are not game that this build reads: {0}")]
+    #[error("the bytes are not a game that this build reads: {0}")]
     Bytes(String),
 }
 

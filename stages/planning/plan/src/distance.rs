@@ -81,8 +81,8 @@ impl GridLine {
                 lowest += 1;
             }
             if let Some(&root) = self.roots.get(lowest) {
-                let direction = i as f64 - root as f64;
-                squares[at(i)] = ((self.values[root] + direction * direction) * unit) as f32;
+                let offset = i as f64 - root as f64;
+                squares[at(i)] = ((self.values[root] + offset * offset) * unit) as f32;
             }
         }
     }

@@ -139,10 +139,10 @@ impl<'a> OnGrid<'a> {
             Some(Treated { volume, around })
         };
         let treated = case.structures().iter().map(treated).collect();
-        let neighbour = |(structure, parts): (&Structure, &Occupancy)| {
+        let outside_cm3 = |(structure, parts): (&Structure, &Occupancy)| {
             (case.volume_cm3(structure) - parts.volume_cm3(grid)).max(0.0)
         };
-        let aside_cm3 = case.structures().iter().zip(&parts).map(neighbour).collect();
+        let aside_cm3 = case.structures().iter().zip(&parts).map(outside_cm3).collect();
         Self { case, grid: *grid, parts, treated, aside_cm3, targets, far, entry }
     }
 

@@ -84,14 +84,14 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
 fn followed_by<'r>(recording: &'r Recording<'_>, target_track: &TargetTrack) -> Option<&'r Signal> {
     let parts = [PoseRole::Fused, PoseRole::Filtered, PoseRole::Raw];
     let fits = |s: &&Signal| s.frame == target_track.frame;
-    let neighbour = |s: &&Signal| {
+    let is_followed = |s: &&Signal| {
         fits(s)
             && recording.wiring.consumers(&target_track.topic).any(|stage| stage.inputs.contains(&s.topic))
     };
     let first = |of: &dyn Fn(&&'r Signal) -> bool| {
         parts.into_iter().find_map(|part| recording.signals_of(part).find(|s| of(s)))
     };
-    first(&neighbour).or_else(|| first(&fits))
+    first(&is_followed).or_else(|| first(&fits))
 }
 
 fn follow(

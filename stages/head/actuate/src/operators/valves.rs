@@ -305,7 +305,7 @@ impl Operator for ActuateValves {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
-        let shaped = self.drive.report(now, order, self.watch.duties());
+        let shaped = self.drive.give(now, order, self.watch.duties());
         let is_measured = is_measured_there || activation.input::<RigState>(MEASURED).is_some();
         self.is_limited = !is_measured && shaped.reasons & Reason::PRESSURE_LIMITED != 0;
         let error = answered.error && order == Order::Follow;

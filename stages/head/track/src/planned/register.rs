@@ -72,7 +72,7 @@ pub struct Fit {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Foreign {
     /// Too much lies elsewhere.
-    #[error("{:.0} % of what is seen matches the surface (required: {:.0} %", 100.0 * fit.near, 100.0 * needed)]
+    #[error("{:.0} % of what is seen matches the surface (required: {:.0} %)", 100.0 * fit.near, 100.0 * needed)]
     Elsewhere {
         /// The best fit that was found.
         fit: Fit,

@@ -53,7 +53,7 @@ impl Geometry {
             }
             Some(grid.index(voxel))
         };
-        let direction = |from: [f64; 3], to: [f64; 3]| {
+        let length = |from: [f64; 3], to: [f64; 3]| {
             let along: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
             let length = along.iter().map(|d| d * d).sum::<f64>().sqrt();
             let mut sum = 0.0;
@@ -75,7 +75,7 @@ impl Geometry {
         let of_beam = |beam: u16| {
             let frame = BeamFrame::new(ring.angle_deg(beam), case.position(), case.isocentre_mm(), SAD_MM);
             let source = frame.source_mm();
-            points.iter().map(|point| direction(*point, source)).sum::<f64>() / points.len().max(1) as f64
+            points.iter().map(|point| length(*point, source)).sum::<f64>() / points.len().max(1) as f64
         };
         let burden: Vec<f64> = (0..ring.count()).map(of_beam).collect();
         let mean = burden.iter().sum::<f64>() / burden.len() as f64;

@@ -24,7 +24,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 const MAGIC: &[u8; 8] = b"SPDOSE02";
 const HEADER: usize = 80;
-const _: () = assert!(cfg!(target_endian = "little"), "dose files are read from a folder");
+const _: () =
+    assert!(cfg!(target_endian = "little"), "dose files are mapped as they are, in little-endian order");
 
 /// SHA-256 of all that a beam's dose depends on.
 pub(super) type Key = [u8; 32];

@@ -25,7 +25,7 @@ const MAGIC: &[u8; 8] = b"SPENGN02";
 #[derive(Debug, Error)]
 pub enum PortableError {
     /// They are something else.
-    #[error("these bytes are not dose engine of version 2")]
+    #[error("these bytes are not a dose engine of version 2")]
     Magic,
     /// They end too early, or go on behind the end.
     #[error("the bytes of a dose engine end at {end}, but its {part} needs others")]

@@ -22,10 +22,10 @@ pub(crate) fn segments(grid: &Grid, from_mm: [f64; 3], to_mm: [f64; 3]) -> Segme
     for (axis, a) in line.axes.iter_mut().enumerate() {
         let (count, spacing) = (grid.counts[axis], grid.spacing_mm[axis]);
         let low = grid.origin_mm[axis] - 0.5 * spacing;
-        let direction = to_mm[axis] - from_mm[axis];
+        let extent = to_mm[axis] - from_mm[axis];
         *a = Axis { count, stride, ..Axis::default() };
         stride *= count;
-        if direction == 0.0 {
+        if extent == 0.0 {
             let place = ((from_mm[axis] - low) / spacing).floor();
             if !(0.0..count as f64).contains(&place) {
                 return Segments { end: 0.0, ..line };
@@ -34,8 +34,8 @@ pub(crate) fn segments(grid: &Grid, from_mm: [f64; 3], to_mm: [f64; 3]) -> Segme
             a.next = f64::INFINITY;
             continue;
         }
-        a.first = (low - from_mm[axis]) / direction;
-        a.step = spacing / direction;
+        a.first = (low - from_mm[axis]) / extent;
+        a.step = spacing / extent;
         let last = a.first + count as f64 * a.step;
         line.at = line.at.max(a.first.min(last));
         line.end = line.end.min(a.first.max(last));

@@ -153,7 +153,7 @@ pub fn import_described_as(json: &Path, names: &NameTable, scale: Scale) -> Resu
     let counts = description.shape_xyz;
     if counts.iter().any(|&n| n < 2) {
         return Err(disagree(format!(
-            "{counts:?} voxels are not volume: 2 or more along each axis are required"
+            "{counts:?} voxels are not a volume: 2 or more along each axis are required"
         )));
     }
     let grid = Grid { counts, spacing_mm: description.spacing_mm, origin_mm: description.origin_mm };

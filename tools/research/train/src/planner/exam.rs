@@ -58,7 +58,7 @@ impl Exam {
 impl Summary {
     pub fn of(all: &[Exam]) -> Self {
         let five = |exam: &Exam| exam.model.iter().take(5).copied().fold(f64::INFINITY, f64::min);
-        let neighbour = |exam: &Exam| 100.0 * ((100.0 + exam.first()) / (100.0 + exam.rotation) - 1.0);
+        let over_rotation = |exam: &Exam| 100.0 * ((100.0 + exam.first()) / (100.0 + exam.rotation) - 1.0);
         let classes: Option<Vec<f64>> = all.iter().map(|exam| exam.class).collect();
         Self {
             patients: all.len(),
@@ -68,7 +68,7 @@ impl Summary {
             model_1: mean(all.iter().map(Exam::first)),
             model_5: mean(all.iter().map(five)),
             ahead_of_rotation: all.iter().filter(|exam| exam.first() < exam.rotation).count(),
-            over_rotation: mean(all.iter().map(neighbour)),
+            over_rotation: mean(all.iter().map(over_rotation)),
         }
     }
 }

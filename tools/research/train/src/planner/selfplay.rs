@@ -148,21 +148,21 @@ impl Run<'_> {
         let validate = self.play(None, &validate)?;
         self.know(&validate);
         let examples = self.examples(&openings)?;
-        let neighbour = self.examples(&validate)?;
+        let validation = self.examples(&validate)?;
         self.count(&openings);
         let about = serde_json::to_string(schedule).map_err(plan)?;
         let mut training = Training::new(about, options.clone(), scales(&examples))?;
         let mut buffer = Buffer::new(schedule.buffer);
         buffer.add(&training, examples)?;
-        let neighbour: Vec<Ready> =
-            neighbour.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
+        let validation: Vec<Ready> =
+            validation.into_iter().map(|e| training.ready(e)).collect::<Result<_, _>>()?;
         match checkpoint.exists() {
             true => training.resume(&checkpoint)?,
             // Weights of another training that had no checkpoint yet.
             false => remove_weights(self.folder)?,
         }
         while training.passes().len() < schedule.start {
-            report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
+            report(Progress::Pass(training.pass(&buffer.all(), &validation)?));
             training.keep(&checkpoint)?;
         }
         for (round, patients) in schedule.rounds.iter().enumerate() {
@@ -173,7 +173,7 @@ impl Run<'_> {
             let upto = schedule.start + (round + 1) * schedule.passes;
             let descend = || -> Result<(), TrainError> {
                 while training.passes().len() < upto {
-                    report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
+                    report(Progress::Pass(training.pass(&buffer.all(), &validation)?));
                 }
                 Ok(())
             };
@@ -190,7 +190,7 @@ impl Run<'_> {
             buffer.add(&training, examples)?;
         }
         while training.passes().len() < schedule.all_passes() {
-            report(Progress::Pass(training.pass(&buffer.all(), &neighbour)?));
+            report(Progress::Pass(training.pass(&buffer.all(), &validation)?));
             training.keep(&checkpoint)?;
         }
         let (model, last) = (training.model()?, schedule.rounds.len());
