@@ -268,34 +268,42 @@ impl ConsoleParams {
     }
 }
 
-/// Whether a command was accepted; else why not, as far as it is known.
+/// Why a command is not accepted, as far as it is known.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+enum NotAccepted {
+    #[error("{0} not answered")]
+    Silent(&'static str),
+    #[error("{}", .0.join(", "))]
+    Lacking(Vec<&'static str>),
+    #[error("the tracker reports: {0}")]
+    Tracker(&'static str),
+}
+
+/// Whether a command was accepted; else why not.
 fn accepted(
     issued: ScriptCommand,
     reference: u32,
     actuation: Option<&ActuationElement>,
     report: Option<&PoseReportElement>,
-) -> Result<(), String> {
+) -> Result<(), NotAccepted> {
     match issued {
         ScriptCommand::Arm => {
-            let actuation = actuation.ok_or("the valves have not answered")?;
+            let silent = NotAccepted::Silent("the valves have");
+            let Some(actuation) = actuation else { return Err(silent) };
             if actuation.state() != ActuationState::Disarmed {
                 return Ok(());
             }
-            let lacking: Vec<&str> = ActuationReason::words(actuation.lacking).collect();
-            Err(if lacking.is_empty() {
-                "the valves have not answered".to_owned()
-            } else {
-                lacking.join(", ")
-            })
+            let lacking: Vec<_> = ActuationReason::words(actuation.lacking).collect();
+            Err(if lacking.is_empty() { silent } else { NotAccepted::Lacking(lacking) })
         }
         ScriptCommand::Capture | ScriptCommand::Confirm => {
-            let report = report.ok_or("the tracker has not answered")?;
+            let report = report.ok_or(NotAccepted::Silent("the tracker has"))?;
             let is_done = match issued {
                 ScriptCommand::Capture => report.reference > reference,
                 _ => report.confirmed == 1,
             };
             let word = PoseStatus::from_number(report.status).map_or("unknown status", PoseStatus::word);
-            if is_done { Ok(()) } else { Err(format!("the tracker reports: {word}")) }
+            if is_done { Ok(()) } else { Err(NotAccepted::Tracker(word)) }
         }
         _ => Ok(()),
     }

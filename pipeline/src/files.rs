@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use stillpoint_operator::files::{DiskFiles, FilePlace, Files, listed};
+use stillpoint_operator::files::{DiskFiles, FilePlace, Files, FilesError, listed};
 
 use crate::graph::{Graph, OperatorNode};
 
@@ -116,10 +116,12 @@ fn parts(graph: &Graph, disk: &DiskFiles) -> Result<BTreeMap<String, Vec<u8>>, F
         .collect())
 }
 
+const NOT_OF_RUN: FilesError = FilesError::Unavailable("it is not among the files of this run");
+
 impl Files for Snapshot {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        match self.files.get(name).ok_or("it is not among the files of this run")? {
-            Place::Disk(path) => std::fs::read(path).map_err(|e| e.to_string()),
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError> {
+        match self.files.get(name).ok_or(NOT_OF_RUN)? {
+            Place::Disk(path) => Ok(std::fs::read(path)?),
             Place::Here(bytes) => Ok(bytes.clone()),
         }
     }
@@ -131,7 +133,7 @@ impl Files for Snapshot {
         }
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
-        listed(&self.files, name).ok_or_else(|| "it is not among the files of this run".to_string())
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
+        listed(&self.files, name).ok_or(NOT_OF_RUN)
     }
 }

@@ -13,7 +13,7 @@ use zerocopy::IntoBytes;
 use crate::graph::Graph;
 use crate::limits::named;
 use crate::sample_store::OwnedSample;
-use crate::schedule::Observer;
+use crate::schedule::{Observer, ObserverError};
 use crate::session::topic_infos;
 
 /// Makes the folder of a new session, or says what stands in the way and what to do.
@@ -193,10 +193,10 @@ impl Observer for SessionRecorder {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         self.write(operator, entry, outputs).map_err(|e| {
             let message = SessionError::no_room(&self.path, e).to_string();
-            self.refused.get_or_insert(message).clone()
+            ObserverError::Failed(self.refused.get_or_insert(message).clone())
         })
     }
 }

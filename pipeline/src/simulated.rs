@@ -17,7 +17,7 @@ use crate::operator::Files;
 use crate::placement::{Local, Placement, PlacementError, Threads};
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
-use crate::schedule::{Events, Observer, RunError};
+use crate::schedule::{Events, Observer, ObserverError, RunError};
 use crate::session::{OpeningError, opening};
 use crate::session_recorder::{SessionError, SessionRecorder, remove_folder};
 use crate::stdout::StdoutRedirect;
@@ -179,7 +179,7 @@ impl Observer for Account<'_> {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         self.ledger.enter(operator, entry);
         self.status.enter(operator, entry);
         self.samples += 1 + outputs.len() as u64;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_cdr::{Reader, Writer};
+use stillpoint_cdr::{CdrError, Reader, Writer};
 
 /// Channel of the losses.
 pub(crate) const LOST_CHANNEL: &str = "/stillpoint/lost";
@@ -63,7 +63,7 @@ impl Lost {
         w.text(&self.topic);
     }
 
-    pub(crate) fn decode(data: &[u8]) -> Result<Self, String> {
+    pub(crate) fn decode(data: &[u8]) -> Result<Self, CdrError> {
         let mut r = Reader::new(data)?;
         let (first, count, incarnation) = (r.u64()?, r.u64()?, r.u32()?);
         Ok(Self { topic: r.text()?.to_owned(), incarnation, first, count })
@@ -77,7 +77,7 @@ impl ClockSample {
         w.u64(self.realtime_ns);
     }
 
-    pub(crate) fn decode(data: &[u8]) -> Result<Self, String> {
+    pub(crate) fn decode(data: &[u8]) -> Result<Self, CdrError> {
         let mut r = Reader::new(data)?;
         Ok(Self { logical_ns: r.u64()?, realtime_ns: r.u64()? })
     }

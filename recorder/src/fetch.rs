@@ -6,7 +6,7 @@ use stillpoint_samples::AlignedBytes;
 
 use crate::error::SessionError;
 use crate::file::{Buffer, Message, Record, next_record};
-use crate::form::{Decoded, Envelope};
+use crate::form::{Decoded, Envelope, Fault};
 use crate::part::{PartChannel, Use};
 use crate::session::{Place, SampleKey, Session};
 
@@ -104,12 +104,12 @@ impl Session {
         let Some(channel) = part.channels.get(&m.channel) else { return Ok(None) };
         let Use::Samples { form, shared } = &channel.purpose else { return Ok(None) };
         let Some(topic) = self.topic_number(&channel.topic) else { return Ok(None) };
-        let fault = |what: String| SessionError::Message {
+        let fault = |what: Fault| SessionError::Message {
             path: part.path.clone(),
             topic: channel.topic.clone(),
             offset: part.scan.blocks.get(place.block as usize).map_or(0, |b| b.offset),
             within: place.start,
-            what,
+            what: what.to_string(),
         };
         let Some((incarnation, sequence)) = channel.purpose.number(m).map_err(fault)? else {
             return Ok(None);

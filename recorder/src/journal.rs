@@ -1,17 +1,32 @@
 //! Whether a journal can be what an operator wrote: an entry out of its sample, and the order of time.
 
-use stillpoint_samples::{Cause, Entry, Journal, JournalRef, Pieces, RefKind, Sample};
+use stillpoint_samples::{BytesError, Cause, Entry, Journal, JournalRef, Pieces, RefKind, Sample};
+
+/// Why a sample is not an entry of a journal.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum JournalFault {
+    #[error(transparent)]
+    Bytes(#[from] BytesError),
+    #[error("no {what} has the number {number}")]
+    Unknown { what: &'static str, number: u32 },
+    #[error("it names {side} {port}, and the operator has {ports}")]
+    Port { side: &'static str, port: u32, ports: usize },
+    #[error("it counts {count} samples on input {port}")]
+    Count { count: u32, port: u32 },
+    #[error("it numbers samples on {side} {port} beyond what can be counted")]
+    Sequence { side: &'static str, port: u32 },
+}
 
 /// The entry that a sample is, of an operator with so many inputs and outputs.
-pub(crate) fn entry_of(sample: &[u8], inputs: usize, outputs: usize) -> Result<Entry, String> {
-    let pieces = Pieces::split(Journal::KIND, sample).map_err(|e| e.to_string())?;
-    let view = pieces.view::<Journal>().map_err(|e| e.to_string())?;
+pub(crate) fn entry_of(sample: &[u8], inputs: usize, outputs: usize) -> Result<Entry, JournalFault> {
+    let pieces = Pieces::split(Journal::KIND, sample)?;
+    let view = pieces.view::<Journal>()?;
     let entry = Entry { header: view.header, body: *view.body, refs: view.elements.to_vec() };
     let Some(cause) = entry.cause() else {
-        return Err(format!("no cause has the number {}", entry.body.cause));
+        return Err(JournalFault::Unknown { what: "cause", number: entry.body.cause });
     };
     if entry.outcome().is_none() {
-        return Err(format!("no outcome has the number {}", entry.body.outcome));
+        return Err(JournalFault::Unknown { what: "outcome", number: entry.body.outcome });
     }
     let activates = !matches!(cause, Cause::Start | Cause::End);
     entry.refs.iter().try_for_each(|r| check(r, inputs, outputs, activates))?;
@@ -19,20 +34,21 @@ pub(crate) fn entry_of(sample: &[u8], inputs: usize, outputs: usize) -> Result<E
 }
 
 /// An activation consumes one sample of an input; other entries only count what was consumed.
-fn check(r: &JournalRef, inputs: usize, outputs: usize, activates: bool) -> Result<(), String> {
+fn check(r: &JournalRef, inputs: usize, outputs: usize, activates: bool) -> Result<(), JournalFault> {
+    let (port, count) = (r.port, r.count);
     let (side, ports) = match RefKind::from_number(r.kind) {
-        None => return Err(format!("no reference has the number {}", r.kind)),
+        None => return Err(JournalFault::Unknown { what: "reference", number: r.kind }),
         Some(RefKind::Output) => ("output", outputs),
         Some(RefKind::Fresh | RefKind::Held) => ("input", inputs),
     };
-    if r.port as usize >= ports {
-        return Err(format!("it names {side} {}, and the operator has {ports}", r.port));
+    if port as usize >= ports {
+        return Err(JournalFault::Port { side, port, ports });
     }
-    if side == "input" && r.count != u32::from(activates) {
-        return Err(format!("it counts {} samples on input {}", r.count, r.port));
+    if side == "input" && count != u32::from(activates) {
+        return Err(JournalFault::Count { count, port });
     }
-    if r.first.checked_add(u64::from(r.count)).is_none() {
-        return Err(format!("it numbers samples on {side} {} beyond what can be counted", r.port));
+    if r.first.checked_add(u64::from(count)).is_none() {
+        return Err(JournalFault::Sequence { side, port });
     }
     Ok(())
 }

@@ -62,7 +62,7 @@ impl TopicKind {
     ) -> Result<Option<Decoded<'m>>, Fault> {
         let Some(kind) = self.kind() else { return Ok(None) };
         if form != Form::Own && !Form::of(kind).contains(&form) {
-            return Err(format!("a {} is not recorded as {}", kind.name, form.name()));
+            return Err(Fault::Form { kind: kind.name, form: form.name() });
         }
         match self {
             Self::Mapped { mapping, .. } => mapping.decode(kind, data),

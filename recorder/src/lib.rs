@@ -43,7 +43,7 @@
 //! - `complete`: what is missing
 //! - `recover`, `cut`: mends a session whose recorder died, up to where it is consistent
 //! - `file`: MCAP as bytes that nobody vouches for
-//! - `error`: why a session cannot be read
+//! - `error`: why a session cannot be read; `fault`: why a message is not a sample
 
 #![forbid(unsafe_code)]
 // Outsiders use it.
@@ -57,6 +57,7 @@ mod cut;
 mod encoded;
 mod ended;
 mod error;
+mod fault;
 mod fetch;
 mod file;
 mod folder;

@@ -7,9 +7,10 @@ use stillpoint_samples::Entry;
 
 use crate::account::{ClockSample, Lost};
 use crate::error::SessionError;
+use crate::fault::{MessageFault, SampleFault};
 use crate::file::{Message, Source, scan};
 use crate::folder::{is_blank, session_parts};
-use crate::form::{Envelope, transforms_from};
+use crate::form::{Envelope, Fault, transforms_from};
 use crate::journal::entry_of;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
@@ -151,10 +152,10 @@ impl Session {
         channel: &PartChannel,
         place: Place,
         message: &Message<'_>,
-    ) -> Result<(), String> {
+    ) -> Result<(), MessageFault> {
         match &channel.purpose {
-            Use::Lost => self.lost.push(Lost::decode(message.data)?),
-            Use::Clock => self.clock.push(ClockSample::decode(message.data)?),
+            Use::Lost => self.lost.push(Lost::decode(message.data).map_err(Fault::from)?),
+            Use::Clock => self.clock.push(ClockSample::decode(message.data).map_err(Fault::from)?),
             Use::Frames => {
                 for t in transforms_from(message.data)? {
                     if !self.frames.contains(&t) {
@@ -177,13 +178,11 @@ impl Session {
                             self.index.insert(key, place);
                             return Ok(());
                         }
-                        return Err(format!(
-                            "sample {sequence} of `{topic}`, incarnation {incarnation}, is there twice"
-                        ));
+                        return Err(MessageFault::Twice { sequence, topic: topic.clone(), incarnation });
                     }
                     let topic = &channel.topic;
                     let entry = self.check(number, &channel.purpose, message).map_err(|what| {
-                        format!("sample {sequence} of `{topic}`, incarnation {incarnation}: {what}")
+                        MessageFault::Sample { sequence, topic: topic.clone(), incarnation, what }
                     })?;
                     self.index.insert(key, place);
                     if let Some(entry) = entry {
@@ -210,12 +209,17 @@ impl Session {
     }
 
     /// Checks that a message is the sample that its channel promises. Gives the entry that it is, where it is one.
-    fn check(&self, topic: usize, purpose: &Use, message: &Message<'_>) -> Result<Option<Entry>, String> {
+    fn check(
+        &self,
+        topic: usize,
+        purpose: &Use,
+        message: &Message<'_>,
+    ) -> Result<Option<Entry>, SampleFault> {
         let topic = &self.topics[topic];
         let Use::Samples { form, shared } = purpose else { return Ok(None) };
         let found = topic.kind.decode(*form, shared, Envelope::of(message), message.data)?;
         let (Some(found), Role::Journal { inputs, outputs }) = (found, &topic.role) else { return Ok(None) };
-        entry_of(&found.to_bytes(), inputs.len(), outputs.len()).map(Some)
+        Ok(Some(entry_of(&found.to_bytes(), inputs.len(), outputs.len())?))
     }
 
     /// Puts the entries of each journal in their order, over all parts.

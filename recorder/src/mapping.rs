@@ -121,7 +121,7 @@ impl Mapping {
         let there = reader.raw(HEADER_SIZE + self.body_size, 1)?;
         let (header, body) = there.split_at(HEADER_SIZE);
         let count = Pieces { meta: header, payload: &[] }.header().count as usize;
-        let size = count.checked_mul(self.element_size).ok_or("the number of elements is too large")?;
+        let size = count.checked_mul(self.element_size).ok_or(Fault::TooLarge)?;
         let elements = reader.raw(size, 1)?;
         let mut meta = vec![0; ours.meta_size()];
         meta[..HEADER_SIZE].copy_from_slice(header);
@@ -129,9 +129,9 @@ impl Mapping {
         let mut payload = vec![0; count * ours.element_size];
         let pairs = elements.chunks_exact(self.element_size).zip(payload.chunks_exact_mut(ours.element_size));
         pairs.for_each(|(from, to)| shift(&self.element, from, to));
-        Pieces { meta: &meta, payload: &payload }.check(ours).map_err(|e| e.to_string())?;
+        Pieces { meta: &meta, payload: &payload }.check(ours)?;
         if reader.rest() > 0 {
-            return Err(format!("{} bytes follow its last element", reader.rest()));
+            return Err(Fault::Rest(reader.rest()));
         }
         Ok(Decoded { meta: meta.into(), payload: payload.into() })
     }

@@ -6,10 +6,11 @@ use std::path::PathBuf;
 
 use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RECOVERED_RECORD};
 use crate::channels::{COMPANION, TOPIC};
+use crate::fault::MessageFault;
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
-use crate::form::{Envelope, Form, Shared, own_header};
+use crate::form::{Envelope, Fault, Form, Shared, own_header};
 
 /// What the messages of a channel are.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -96,7 +97,7 @@ impl SessionPart {
     pub fn open(
         path: PathBuf,
         source: Source,
-        mut each: impl FnMut(&PartChannel, u32, usize, &Message<'_>) -> Result<(), String>,
+        mut each: impl FnMut(&PartChannel, u32, usize, &Message<'_>) -> Result<(), MessageFault>,
     ) -> io::Result<Option<Self>> {
         // Asked first: what ends in the meantime is whole.
         let is_being_written = source.is_being_written();
@@ -123,7 +124,7 @@ impl SessionPart {
                             *part.counts.entry(m.channel).or_default() += 1;
                             let [first, last] = part.times.unwrap_or([m.log_time; 2]);
                             part.times = Some([first.min(m.log_time), last.max(m.log_time)]);
-                            each(channel, number as u32, start, &m).err()
+                            each(channel, number as u32, start, &m).err().map(|fault| fault.to_string())
                         }
                         None => Some(format!("a message of channel {} comes before that channel", m.channel)),
                     },
@@ -232,7 +233,7 @@ impl Use {
 
     /// Incarnation and sequence of the sample that a message is, or stands beside. `None`: it is of no sample, or does
     /// not tell of which.
-    pub fn number(&self, message: &Message<'_>) -> Result<Option<(u32, u64)>, String> {
+    pub fn number(&self, message: &Message<'_>) -> Result<Option<(u32, u64)>, Fault> {
         let envelope = Envelope::of(message);
         Ok(match self {
             Self::Samples { form: Form::Own, .. } => {

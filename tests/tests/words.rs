@@ -51,7 +51,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 /// backticks in them, which is a key or a value.
 fn split(text: &str) -> (Vec<String>, Vec<String>) {
     let (mut names, mut messages) = (Vec::new(), Vec::new());
-    let mut rest = text.split("\n#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let mut rest = before_tests(text);
     while let Some(first) = rest.chars().next() {
         if rest.starts_with("//") {
             rest = &rest[rest.find('\n').unwrap_or(rest.len())..];
@@ -111,19 +111,31 @@ fn prose(message: &str) -> String {
     format!(" {} ", words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ").to_lowercase())
 }
 
-#[test]
-fn names_and_messages_use_the_words_of_the_table() {
-    let (banned_names, banned_messages) = replaced();
+/// Name and text of every source file outside of tests.
+fn every_source() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = Vec::new();
     for folder in ["ipc", "pipeline", "recorder", "stages", "tests/src", "tools"] {
         sources(&root.join(folder), &mut files);
     }
     assert!(files.len() > 500, "{} files", files.len());
-    let mut wrong = BTreeSet::new();
-    for file in files {
+    let read = |file: PathBuf| {
         let shown = file.strip_prefix(&root).unwrap().to_string_lossy().into_owned();
-        let text = std::fs::read_to_string(&file).unwrap();
+        (shown, std::fs::read_to_string(&file).unwrap())
+    };
+    files.into_iter().map(read).collect()
+}
+
+/// The part of a source file before its tests.
+fn before_tests(text: &str) -> &str {
+    text.split("\n#[cfg(test)]\nmod tests").next().unwrap_or_default()
+}
+
+#[test]
+fn names_and_messages_use_the_words_of_the_table() {
+    let (banned_names, banned_messages) = replaced();
+    let mut wrong = BTreeSet::new();
+    for (shown, text) in every_source() {
         let (names, messages) = split(&text);
         for name in names {
             let is_exempt = EXCEPT.iter().any(|e| e.rsplit("::").next() == Some(&name))
@@ -149,6 +161,114 @@ fn names_and_messages_use_the_words_of_the_table() {
         wrong.len(),
         wrong.into_iter().collect::<Vec<_>>().join("\n")
     );
+}
+
+/// Whether a text of Rust names a result whose error is a text, or gives a text another name.
+fn has_text_as_error(text: &str) -> bool {
+    let code: String = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+    let results = code.match_indices("Result<").filter(|(at, _)| {
+        let (mut depth, mut last) = (0, 0);
+        let arguments = &code[at + "Result<".len()..];
+        for (place, c) in arguments.char_indices() {
+            match c {
+                '<' | '(' | '[' => depth += 1,
+                '>' if arguments[..place].ends_with('-') => {}
+                '>' | ')' | ']' if depth > 0 => depth -= 1,
+                '>' => return last > 0 && arguments[last..place].trim() == "String",
+                ',' if depth == 0 => last = place + 1,
+                ';' | '{' if depth == 0 => return false,
+                _ => {}
+            }
+        }
+        false
+    });
+    let renamed = code.match_indices("type ").any(|(at, _)| {
+        let definition = code[at..].split(';').next().unwrap_or_default();
+        definition.split_once('=').is_some_and(|(_, of)| of.trim() == "String")
+    });
+    renamed || results.count() > 0
+}
+
+#[test]
+fn no_error_is_a_mere_text() {
+    let sources = every_source().into_iter().filter(|(shown, _)| !shown.starts_with("stages/testing/"));
+    let wrong: Vec<String> =
+        sources.filter(|(_, text)| has_text_as_error(before_tests(text))).map(|(shown, _)| shown).collect();
+    assert!(wrong.is_empty(), "`Result<_, String>`: make it an enum\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn an_error_that_is_a_text_is_found_and_a_typed_one_is_not() {
+    for text in [
+        "fn a() -> Result<(), String> {",
+        "fn a() -> Result<Vec<(u8, [u8; 3])>, String>;",
+        "type Item = Result<\n    Option<u8>,\n    String,\n>;",
+        "fn a(f: impl Fn(u8) -> Result<u8, String>) {",
+        "type Fault = String;",
+    ] {
+        // rustfmt puts a comma behind the last of several lines.
+        assert!(has_text_as_error(&text.replace(",\n>", "\n>")), "{text}");
+    }
+    for text in [
+        "fn a() -> Result<String, Fault> {",
+        "fn a() -> io::Result<BTreeMap<String, String>> {",
+        "fn a() -> Result<BTreeMap<u8, String>, Fault> {",
+        "// Result<(), String>",
+        "type Names = Vec<String>;",
+    ] {
+        assert!(!has_text_as_error(text), "{text}");
+    }
+}
+
+/// The texts of `#[error("...")]`.
+fn error_texts(text: &str) -> Vec<String> {
+    let starts = text.match_indices("#[error(").map(|(at, start)| text[at + start.len()..].trim_start());
+    let texts = starts.filter_map(|rest| rest.strip_prefix('"'));
+    texts
+        .map(|rest| {
+            let mut ends = rest.match_indices('"').map(|(at, _)| at);
+            let end = ends.find(|at| !rest[..*at].ends_with('\\')).unwrap_or(rest.len());
+            rest[..end].replace("\\\n", "").replace("\\\"", "\"")
+        })
+        .collect()
+}
+
+/// Whether brackets of a message are closed in the order in which they open, and its quotes stand in pairs. Braces are
+/// those of the values; an apostrophe is not a quote.
+fn is_balanced(message: &str) -> bool {
+    let (mut open, mut in_value) = (Vec::new(), false);
+    for c in message.replace("{{", "").replace("}}", "").chars() {
+        match c {
+            '{' => in_value = true,
+            '}' => in_value = false,
+            _ if in_value => {}
+            '(' => open.push(')'),
+            '[' => open.push(']'),
+            ')' | ']' if open.pop() != Some(c) => return false,
+            _ => {}
+        }
+    }
+    let pairs = |quote| message.matches(quote).count().is_multiple_of(2);
+    open.is_empty() && !in_value && pairs('`') && pairs('"')
+}
+
+#[test]
+fn brackets_and_quotes_of_error_messages_are_closed() {
+    let (mut wrong, mut count) = (Vec::new(), 0);
+    for (shown, text) in every_source() {
+        for message in error_texts(before_tests(&text)) {
+            count += 1;
+            if !is_balanced(&message) {
+                wrong.push(format!("{shown}: {message:?}"));
+            }
+        }
+    }
+    assert!(count > 500, "{count} messages");
+    assert!(wrong.is_empty(), "{} messages:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(is_balanced("`a` is [{x:?}] (allowed: 0 to 1)") && is_balanced("the sensor's \"time\""));
+    for message in ["(allowed: 1", "allowed: 1)", "the key `a is", "a \"text", "(a [b)]", "{a"] {
+        assert!(!is_balanced(message), "{message}");
+    }
 }
 
 /// "There is no run" is the field's way to say it.

@@ -7,10 +7,24 @@ use std::path::{Path, PathBuf};
 
 use crate::pattern;
 
+/// Why a file is not read, or files are not listed.
+#[derive(Debug, thiserror::Error)]
+pub enum FilesError {
+    /// The operating system refused.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// A name is not text.
+    #[error("the name of the file {0} is not UTF-8")]
+    Name(String),
+    /// The place does not have it, for this reason.
+    #[error("{0}")]
+    Unavailable(&'static str),
+}
+
 /// Where the files that parameters name are read: the disk in a live run, the session in a replay.
 pub trait Files {
     /// Bytes of the file.
-    fn read(&self, name: &str) -> Result<Vec<u8>, String>;
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError>;
     /// Permission bits of the file, where the group or others may read it on the disk; else `None`.
     fn shared_mode(&self, _name: &str) -> Option<u32> {
         None
@@ -18,7 +32,7 @@ pub trait Files {
     /// The files that a path names, in the order of their names with numbers by their value (`in_order`): one file, the
     /// files of a folder, or the files whose names fit a last part with `*`. As for a shell, `*` does not stand for the
     /// dot of a hidden file.
-    fn list(&self, name: &str) -> Result<Vec<String>, String>;
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError>;
 }
 
 /// Where the bytes of a file are.
@@ -75,10 +89,10 @@ impl DiskFiles {
 }
 
 impl Files for DiskFiles {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError> {
         match self.carried.get(name) {
             Some(bytes) => Ok(bytes.clone()),
-            None => std::fs::read(self.path(name)).map_err(|e| e.to_string()),
+            None => Ok(std::fs::read(self.path(name))?),
         }
     }
 
@@ -86,7 +100,7 @@ impl Files for DiskFiles {
         self.place(name).shared_mode()
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
         if let Some(carried) = listed(&self.carried, name) {
             return Ok(carried);
         }
@@ -99,10 +113,8 @@ impl Files for DiskFiles {
             _ => (name.trim_end_matches('/'), "*"),
         };
         let mut names = Vec::new();
-        for entry in std::fs::read_dir(self.path(if folder.is_empty() { "." } else { folder }))
-            .map_err(|e| e.to_string())?
-        {
-            let entry = entry.map_err(|e| e.to_string())?;
+        for entry in std::fs::read_dir(self.path(if folder.is_empty() { "." } else { folder }))? {
+            let entry = entry?;
             let file = entry.file_name();
             let shown = file.to_string_lossy();
             // What is broken, such as a link to nothing, stays in the list: reading it says why.
@@ -110,7 +122,7 @@ impl Files for DiskFiles {
             if is_other || !pattern::matches(like, &shown) {
                 continue;
             }
-            let file = file.to_str().ok_or_else(|| format!("the name of the file {shown} is not UTF-8"))?;
+            let file = file.to_str().ok_or_else(|| FilesError::Name(shown.to_string()))?;
             names.push(if folder.is_empty() { file.to_owned() } else { format!("{folder}/{file}") });
         }
         names.sort_by(|a, b| in_order(a, b));
@@ -126,12 +138,12 @@ pub struct MemoryFiles {
 }
 
 impl Files for MemoryFiles {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        self.files.get(name).cloned().ok_or_else(|| "there is no such file".to_string())
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError> {
+        self.files.get(name).cloned().ok_or(FilesError::Unavailable("there is no such file"))
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
-        listed(&self.files, name).ok_or_else(|| "there is no such file".to_string())
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
+        listed(&self.files, name).ok_or(FilesError::Unavailable("there is no such file"))
     }
 }
 

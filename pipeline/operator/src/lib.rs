@@ -38,7 +38,7 @@ mod stage;
 pub use activation::Activation;
 pub use error::{ParamConflict, SetupError, StepError};
 pub use feeder::{Feeder, FeederConflict};
-pub use files::Files;
+pub use files::{Files, FilesError};
 pub use kind::{FrameRule, Input, Kind, Output, Policy, Role, TIMING, Timer};
 pub use operator::{ErasedOperator, Operator};
 pub use outputs::Outputs;

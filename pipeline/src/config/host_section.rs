@@ -243,19 +243,10 @@ fn far_operator<'t>(name: String, from: Marked<Topic>, host: usize) -> ParsedOpe
         delay: 0,
     };
     ParsedOperator {
-        name: Marked::new(name, span),
-        kind: None,
-        params: None,
-        has_unreadable_inputs: false,
         inputs: vec![input],
         every: Some(Marked::new(link::EVERY, span)),
         has_every: Some(span),
-        frame: None,
-        has_frame: None,
-        latency: 0,
-        has_latency: None,
-        deadline: None,
-        start_within: None,
         link: Some(Wire::Host(host)),
+        ..ParsedOperator::named(Marked::new(name, span))
     }
 }

@@ -98,20 +98,12 @@ fn far_operator<'t>(
         delay,
     };
     Some(ParsedOperator {
-        name: Marked::new(name, span),
         kind: Some(Marked::new(link::KIND_NAME.to_owned(), span)),
-        params: None,
-        has_unreadable_inputs: false,
         inputs: vec![input],
         every: Some(Marked::new(link::EVERY, span)),
         has_every: Some(span),
-        frame: None,
-        has_frame: None,
-        latency: 0,
-        has_latency: None,
-        deadline: None,
-        start_within: None,
         link: wire,
+        ..ParsedOperator::named(Marked::new(name, span))
     })
 }
 

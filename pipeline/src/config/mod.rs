@@ -1,15 +1,12 @@
 //! From YAML to a checked graph, with every fault of the file in one pass.
 //!
 //! ```
-//! use stillpoint_operator::{Files, Registry};
+//! use stillpoint_operator::Registry;
+//! use stillpoint_operator::files::MemoryFiles;
 //! use stillpoint_pipeline::config::check;
-//! # struct Disk;
-//! # impl Files for Disk {
-//! #     fn read(&self, _: &str) -> Result<Vec<u8>, String> { Err("none".into()) }
-//! #     fn list(&self, _: &str) -> Result<Vec<String>, String> { Err("none".into()) }
-//! # }
 //!
-//! let faults = check("stillpoint: 2\n", "head.yaml", &[], &Registry::default(), &Disk).err().unwrap();
+//! let files = MemoryFiles::default();
+//! let faults = check("stillpoint: 2\n", "head.yaml", &[], &Registry::default(), &files).err().unwrap();
 //! assert!(faults.to_string().contains("head.yaml:1:13: `2` is no version that this build reads"));
 //! ```
 //!

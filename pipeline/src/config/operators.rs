@@ -43,6 +43,28 @@ pub struct ParsedOperator<'t> {
     pub link: Option<Wire>,
 }
 
+impl ParsedOperator<'_> {
+    /// With a name and nothing else.
+    pub fn named(name: Marked<String>) -> Self {
+        Self {
+            name,
+            kind: None,
+            params: None,
+            has_unreadable_inputs: false,
+            inputs: Vec::new(),
+            every: None,
+            has_every: None,
+            frame: None,
+            has_frame: None,
+            latency: 0,
+            has_latency: None,
+            deadline: None,
+            start_within: None,
+            link: None,
+        }
+    }
+}
+
 /// Shortest period of a timer, ns: a shorter one has no time to do anything.
 const SHORTEST_PERIOD: u64 = 1_000;
 
@@ -77,22 +99,7 @@ fn long_enough(every: Marked<u64>, findings: &Findings) -> Option<Marked<u64>> {
 fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     let name = entry.key.clone();
     check_name(&name, "an operator", findings);
-    let mut parsed = ParsedOperator {
-        name,
-        kind: None,
-        params: None,
-        has_unreadable_inputs: false,
-        inputs: Vec::new(),
-        every: None,
-        has_every: None,
-        frame: None,
-        has_frame: None,
-        latency: 0,
-        has_latency: None,
-        deadline: None,
-        start_within: None,
-        link: None,
-    };
+    let mut parsed = ParsedOperator::named(name);
     let place = "an operator";
     let Some(entries) =
         entry.value.map(&format!("`{}`", parsed.name.value), "{ use: family.kind }", findings)

@@ -79,7 +79,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         }
         let made = made.unwrap_or_default();
         let outputs = self.hand_on(operator, entry, made)?;
-        observer.on_activation(operator, entry, &outputs).map_err(ReplayError::Observer)
+        Ok(observer.on_activation(operator, entry, &outputs)?)
     }
 
     fn begin(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {

@@ -7,6 +7,7 @@ use stillpoint_recorder::SessionError;
 
 use super::Difference;
 use crate::placement::PlacementError;
+use crate::schedule::ObserverError;
 
 /// How a replay went.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -62,9 +63,9 @@ pub enum ReplayError {
     /// The selection names no operator.
     #[error("the pipeline has no operator `{0}`; it has {1}")]
     Operator(String, String),
-    /// What was made again cannot be written.
-    #[error("{0}")]
-    Observer(String),
+    /// The observer ended it: what was made again cannot be written, or is all that it needs.
+    #[error(transparent)]
+    Observer(#[from] ObserverError),
 }
 
 impl ReplayReport {

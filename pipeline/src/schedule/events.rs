@@ -37,12 +37,23 @@ pub enum RunError {
     /// The placement could not do what was asked.
     #[error(transparent)]
     Placement(#[from] PlacementError),
-    /// The observer could not keep what it saw.
-    #[error("{0}")]
-    Observer(String),
+    /// The observer ended it.
+    #[error(transparent)]
+    Observer(#[from] ObserverError),
     /// Somebody stopped it.
     #[error("stopped")]
     Stopped,
+}
+
+/// Why an observer ends a run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ObserverError {
+    /// It cannot keep what it saw.
+    #[error("{0}")]
+    Failed(String),
+    /// It has seen all that it needs.
+    #[error("{0}")]
+    Enough(String),
 }
 
 /// Sees everything that happens, in order: a recorder, a test, a summary.
@@ -53,7 +64,7 @@ pub trait Observer {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String>;
+    ) -> Result<(), ObserverError>;
 
     /// The activation that was seen last failed, and this is what the operator said.
     fn failed(&mut self, _operator: usize, _reason: &str) {}

@@ -12,5 +12,5 @@ mod events;
 mod waiting;
 
 pub(crate) use decision::{Decision, Ticks, decide};
-pub use events::{Events, Observer, RunError};
+pub use events::{Events, Observer, ObserverError, RunError};
 pub(crate) use waiting::depth_of;

@@ -3,8 +3,8 @@
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 
-use stillpoint_operator::Files;
 use stillpoint_operator::files::{DiskFiles, MemoryFiles};
+use stillpoint_operator::{Files, FilesError};
 use stillpoint_pipeline::config::check;
 
 use crate::good::FILES;
@@ -19,14 +19,14 @@ fn retained() -> MemoryFiles {
 }
 
 impl Files for Disk {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        retained().read(name).map_err(|_| "it is not there".into())
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError> {
+        retained().read(name).map_err(|_| FilesError::Unavailable("it is not there"))
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
         match name {
             "empty" | "empty/*.png" => Ok(Vec::new()),
-            _ => retained().list(name).map_err(|_| "it is not there".into()),
+            _ => retained().list(name).map_err(|_| FilesError::Unavailable("it is not there")),
         }
     }
 }

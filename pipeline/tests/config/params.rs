@@ -72,7 +72,7 @@ fn a_default_out_of_range_is_found_by_verify() {
     let mut stage = *registry().get("console").unwrap();
     stage.fields = Wrong::FIELDS;
     stage.read = |reader| Wrong::read(reader).map(|_| unreachable!("it has a fault"));
-    let reason = verify(&stage).unwrap_err();
+    let reason = verify(&stage).unwrap_err().to_string();
     assert_eq!(
         reason,
         "console: the default of `_lengths` cannot be read: `9 mm` is out of range: it must be at most 5 mm"

@@ -82,12 +82,6 @@ fn hint(found: [u8; 4]) -> &'static str {
     }
 }
 
-impl From<CdrError> for String {
-    fn from(error: CdrError) -> Self {
-        error.to_string()
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {

@@ -51,14 +51,19 @@ pub(crate) enum Loaded {
     Damaged(String),
 }
 
+/// Why the records of a chunk are not read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("its compression `{}` is not known", .0.escape_debug())]
+pub(crate) struct UnknownCompression(String);
+
 impl Block {
     /// The block of a chunk whose records start at `offset`, with `there` bytes of the file from there on.
-    pub fn of_chunk(header: &ChunkHeader, offset: u64, there: u64) -> Result<Self, String> {
+    pub fn of_chunk(header: &ChunkHeader, offset: u64, there: u64) -> Result<Self, UnknownCompression> {
         let compressed = match header.compression.as_str() {
             "" => Compressed::No,
             "lz4" => Compressed::Lz4,
             "zstd" => Compressed::Zstd,
-            other => return Err(format!("its compression `{}` is not known", other.escape_debug())),
+            other => return Err(UnknownCompression(other.to_owned())),
         };
         Ok(Self {
             offset,

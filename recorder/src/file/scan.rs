@@ -126,7 +126,7 @@ fn add_chunk(found: &mut Scan, bytes: &[u8], body: u64, len: u64, there: u64) {
     let offset = body + header.size as u64;
     match Block::of_chunk(&header, offset, there - header.size as u64) {
         Ok(block) => found.blocks.push(block),
-        Err(what) => found.damage.push(Damage { offset: at, what }),
+        Err(fault) => found.damage.push(Damage { offset: at, what: fault.to_string() }),
     }
 }
 

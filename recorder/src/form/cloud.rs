@@ -51,7 +51,7 @@ pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) ->
     let (height, width) = (r.u32()?, r.u32()?);
     let fields = r.u32()?;
     if fields != 3 {
-        return Err(format!("its points have {fields} fields where x, y and z are 3"));
+        return Err(Fault::Fields(fields));
     }
     for _ in 0..3 {
         r.text()?;
@@ -64,9 +64,9 @@ pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) ->
     let points = r.bytes()?;
     let count = u64::from(width) * u64::from(height);
     if step != POINT || points.len() as u64 != count.saturating_mul(u64::from(POINT)) {
-        return Err(format!("{} bytes are not {width} x {height} points of {POINT} bytes", points.len()));
+        return Err(Fault::Points { bytes: points.len(), width, height, size: POINT });
     }
-    let length = u32::try_from(count).map_err(|_| format!("{count} points are too many"))?;
+    let length = u32::try_from(count).map_err(|_| Fault::TooMany { count, items: "points" })?;
     let header = shared.header(envelope, stamp, length);
     let shape = CloudShape { width, height, reserved: 0, length };
     let meta = [header.as_bytes(), shape.as_bytes()].concat();

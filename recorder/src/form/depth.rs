@@ -98,7 +98,7 @@ pub(super) fn decode_metres(
         let count = found as u16;
         if f64::from(count) != found || !metres.is_nan() && length(count, unit).to_bits() != metres.to_bits()
         {
-            return Err(format!("a pixel of {metres} m is not a count of {unit} m"));
+            return Err(Fault::Depth { metres, unit });
         }
         payload.extend_from_slice(&count.to_le_bytes());
     }
@@ -117,8 +117,8 @@ fn meta(
         .into_iter()
         .zip(numbers(&Intrinsics::default()))
     {
-        let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
-        *to = text.parse().map_err(|_| format!("`{name}` is `{}`, not a number", text.escape_debug()))?;
+        let text = shared.extra.get(name).ok_or(Fault::Unstated(name))?;
+        *to = text.parse().map_err(|_| Fault::Number { name, text: text.clone() })?;
     }
     let header = shared.header(envelope, image.time, length);
     Ok(([header.as_bytes(), i.as_bytes()].concat(), i.depth_unit))

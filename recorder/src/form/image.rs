@@ -48,13 +48,10 @@ impl<'a> Image<'a> {
         let count = u64::from(width) * u64::from(height);
         let size = count.saturating_mul(u64::from(encoding.pixel));
         if name != encoding.name || big_endian != 0 || pixels.len() as u64 != size {
-            let (name, bytes) = (name.escape_debug(), pixels.len());
-            return Err(format!(
-                "{bytes} bytes of `{name}` are not {width} x {height} of `{}`",
-                encoding.name
-            ));
+            let (name, bytes, expected) = (name.to_owned(), pixels.len(), encoding.name);
+            return Err(Fault::Pixels { bytes, name, width, height, expected });
         }
-        let length = u32::try_from(count).map_err(|_| format!("{count} pixels are too many"))?;
+        let length = u32::try_from(count).map_err(|_| Fault::TooMany { count, items: "pixels" })?;
         Ok((Self { time, width, height, pixels }, length))
     }
 }

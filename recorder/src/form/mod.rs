@@ -36,7 +36,8 @@ mod transforms;
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{Header, Pieces, SampleKind};
+use stillpoint_cdr::CdrError;
+use stillpoint_samples::{BytesError, Header, Pieces, SampleKind};
 
 pub(crate) use companion::Companion;
 pub(crate) use decoded::Decoded;
@@ -45,7 +46,33 @@ pub use transforms::StaticTransform;
 pub(crate) use transforms::{transforms_from, transforms_message};
 
 /// Why a message is not the sample that it claims to be.
-pub(crate) type Fault = String;
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum Fault {
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    #[error(transparent)]
+    Bytes(#[from] BytesError),
+    #[error("a {kind} is not recorded as {form}")]
+    Form { kind: &'static str, form: &'static str },
+    #[error("its points have {0} fields where x, y and z are 3")]
+    Fields(u32),
+    #[error("{bytes} bytes are not {width} x {height} points of {size} bytes")]
+    Points { bytes: usize, width: u32, height: u32, size: u32 },
+    #[error("{bytes} bytes of `{}` are not {width} x {height} of `{expected}`", name.escape_debug())]
+    Pixels { bytes: usize, name: String, width: u32, height: u32, expected: &'static str },
+    #[error("{count} {items} are too many")]
+    TooMany { count: u64, items: &'static str },
+    #[error("a pixel of {metres} m is not a count of {unit} m")]
+    Depth { metres: f32, unit: f64 },
+    #[error("its channel does not say `{0}`")]
+    Unstated(&'static str),
+    #[error("`{name}` is `{}`, not a number", text.escape_debug())]
+    Number { name: &'static str, text: String },
+    #[error("the number of elements is too large")]
+    TooLarge,
+    #[error("{0} bytes follow its last element")]
+    Rest(usize),
+}
 
 /// The message type that samples of a kind are recorded as.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -13,7 +13,7 @@ pub(super) fn encode(sample: &Pieces<'_>, out: &mut Vec<u8>) {
 
 pub(super) fn decode<'a>(kind: &SampleKind, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
     Reader::new(data)?;
-    let pieces = Pieces::split(kind, &data[ENCAPSULATION.len()..]).map_err(|e| e.to_string())?;
+    let pieces = Pieces::split(kind, &data[ENCAPSULATION.len()..])?;
     Ok(Decoded { meta: pieces.meta.into(), payload: pieces.payload.into() })
 }
 

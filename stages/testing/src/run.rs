@@ -8,7 +8,7 @@ use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::{Events, Observer};
+use stillpoint_pipeline::schedule::{Events, Observer, ObserverError};
 use stillpoint_samples::{Entry, Outcome, Sample, View};
 
 /// When runs start, ns since the epoch.
@@ -55,7 +55,7 @@ impl Observer for Run {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         let node = &self.graph.operators[operator];
         if entry.outcome().is_none_or(Outcome::is_failure) {
             self.failed.push(node.name.clone());

@@ -143,11 +143,15 @@ struct HopFigures {
     handed_ratio: Option<f64>,
 }
 
+/// A size that none of the payloads has.
+#[derive(Debug, thiserror::Error)]
+#[error("it is none of {:?}", PAYLOADS.map(|(size, _)| size))]
+struct NoPayload;
+
 /// Parses the size of one of the payloads, bytes.
-fn payload(text: &str) -> Result<usize, String> {
-    let sizes = PAYLOADS.map(|(size, _)| size);
-    let asked = text.parse().ok().filter(|size| sizes.contains(size));
-    asked.ok_or_else(|| format!("it is none of {sizes:?}"))
+fn payload(text: &str) -> Result<usize, NoPayload> {
+    let asked = text.parse().ok().filter(|size| PAYLOADS.iter().any(|(of, _)| of == size));
+    asked.ok_or(NoPayload)
 }
 
 impl Hop {

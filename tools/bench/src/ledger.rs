@@ -69,10 +69,15 @@ struct Result {
     lines: Vec<LedgerLine>,
 }
 
+/// A time between kills that is too short.
+#[derive(Debug, thiserror::Error)]
+#[error("it must be 0 or at least {SHORTEST_LIFE}")]
+struct TooShort;
+
 /// Parses a mean time between kills, ms.
-fn kill_every(text: &str) -> std::result::Result<u64, String> {
+fn kill_every(text: &str) -> std::result::Result<u64, TooShort> {
     let time = text.parse::<u64>().ok().filter(|ms| *ms == 0 || *ms >= SHORTEST_LIFE);
-    time.ok_or_else(|| format!("it must be 0 or at least {SHORTEST_LIFE}"))
+    time.ok_or(TooShort)
 }
 
 impl Ledger {

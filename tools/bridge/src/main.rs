@@ -3,8 +3,10 @@
 //!
 //! - `commands`: a file per subcommand
 //! - `network`: zenoh as the network of a run
+//! - `error`: why it cannot go on
 
 mod commands;
+mod error;
 mod network;
 
 use std::process::ExitCode;

@@ -11,7 +11,7 @@ use stillpoint_plan::beams::{Influence, RingDoses, solve_beams};
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_pool::pipe::ChildCourier;
-use stillpoint_pool::{Build, Call, ClientSettings, Hash, Home, Pool, answer, goals};
+use stillpoint_pool::{Build, Call, CallError, ClientSettings, Hash, Home, Pool, answer, goals};
 
 use crate::bench::two_ports;
 use crate::pool::{Ends, program};
@@ -36,11 +36,11 @@ impl Home for Problem {
         self.contents.get(hash).map(Vec::as_slice)
     }
 
-    fn check(&self, _: usize, _: &[u8]) -> Result<(), String> {
+    fn check(&self, _: usize, _: &[u8]) -> Result<(), CallError> {
         Ok(())
     }
 
-    fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
+    fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
         Ok((self.compute)(call))
     }
 }

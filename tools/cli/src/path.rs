@@ -60,18 +60,50 @@ impl Display for ValuePath {
     }
 }
 
+/// Why a text is not the path of a value of a sample.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathError {
+    /// It is not a path.
+    #[error("invalid path: `{0}` (allowed: names and indices, such as position.z or covariance[2][2])")]
+    Text(String),
+    /// Samples of the kind have no such value.
+    #[error("`{path}`: {fault}")]
+    Place { path: String, fault: PathFault },
+}
+
+/// Why a path leads to no value of a sample.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathFault {
+    #[error("a {kind} has one element: leave out [{index}]")]
+    OneElement { kind: &'static str, index: usize },
+    #[error("write a field behind it; {0}")]
+    NoField(String),
+    #[error("an index follows a name")]
+    Index,
+    #[error("a pose has x, y, z, pitch, roll and yaw")]
+    Pose,
+    #[error("a {kind} has no field `{name}`{near}; {has}")]
+    Field { kind: &'static str, name: String, near: String, has: String },
+    #[error("invalid index of {field}: {index} (allowed: 0 to {most})")]
+    Beyond { field: &'static str, index: usize, most: usize },
+    #[error("{0} is one value: write nothing behind it")]
+    OneValue(&'static str),
+    #[error("{field} has no part `{part}`; it has {has}")]
+    Part { field: &'static str, part: String, has: String },
+    #[error("the values of {field} have no names: write {field}[0] in place of .{part}")]
+    NoNames { field: &'static str, part: String },
+    #[error("{field} has {values} values: write one index")]
+    Values { field: &'static str, values: usize },
+}
+
 impl ValuePath {
     /// The path of this text in samples of a kind.
     ///
     /// # Errors
     /// Samples of this kind have no such value; the text names what they have.
-    pub fn new(text: &str, kind: &'static SampleKind) -> Result<Self, String> {
-        let steps = steps(text).ok_or_else(|| {
-            format!(
-                "invalid path: `{text}` (allowed: names and indices, such as position.z or covariance[2][2])"
-            )
-        })?;
-        let place = place(&steps, kind).map_err(|why| format!("`{text}`: {why}"))?;
+    pub fn new(text: &str, kind: &'static SampleKind) -> Result<Self, PathError> {
+        let steps = steps(text).ok_or_else(|| PathError::Text(text.to_owned()))?;
+        let place = place(&steps, kind).map_err(|fault| PathError::Place { path: text.to_owned(), fault })?;
         Ok(Self { text: text.to_owned(), place })
     }
 
@@ -152,11 +184,11 @@ fn field_of(fields: &'static [Field], name: &str) -> Option<(usize, &'static Fie
     Some((fields[..at].iter().map(Field::size).sum(), &fields[at]))
 }
 
-fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, String> {
+fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, PathFault> {
     let (element, steps) = match steps {
         [Step::Index(index), rest @ ..] => match kind.shape {
             Shape::Slice => (Some(*index), rest),
-            Shape::Fixed => return Err(format!("a {} has one element: leave out [{index}]", kind.name)),
+            Shape::Fixed => return Err(PathFault::OneElement { kind: kind.name, index: *index }),
         },
         all => (None, all),
     };
@@ -167,10 +199,10 @@ fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, String>
     let Some((first, rest)) = steps.split_first() else {
         return match (element, kind.bare) {
             (Some(element), Some(_)) => Ok(Place::Bare { element }),
-            _ => Err(format!("write a field behind it; {}", has(kind))),
+            _ => Err(PathFault::NoField(has(kind))),
         };
     };
-    let Step::Name(name) = first else { return Err("an index follows a name".to_owned()) };
+    let Step::Name(name) = first else { return Err(PathFault::Index) };
     let found = match (element, in_element) {
         (Some(element), _) => field_of(kind.element, name).map(|(o, f)| (At::Element(element, o), f)),
         (None, in_element) => field_of(HEADER_FIELDS, name)
@@ -199,14 +231,14 @@ fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, String>
         if let (Some(index), Some((offset, field))) = (angle, field_of(kind.element, "angles")) {
             return Ok(Place::Field { at: At::Element(in_element, offset), field, index: Some(index) });
         }
-        return Err("a pose has x, y, z, pitch, roll and yaw".to_owned());
+        return Err(PathFault::Pose);
     }
     if *kind == *Diagnostics::KIND && rest.is_empty() {
         return Ok(Place::Metric((*name).to_owned()));
     }
     let names = HEADER_FIELDS.iter().chain(kind.body).chain(kind.element).map(|f| f.name);
     let near = nearest(name, names).map_or_else(String::new, |near| format!(", did you mean {near}?"));
-    Err(format!("a {} has no field `{name}`{near}; {}", kind.name, has(kind)))
+    Err(PathFault::Field { kind: kind.name, name: (*name).to_owned(), near, has: has(kind) })
 }
 
 /// The fields of a kind, as the end of a message.
@@ -220,13 +252,13 @@ fn has(kind: &SampleKind) -> String {
 }
 
 /// The index of a value of a field, by the steps behind its name.
-fn index_of(field: &'static Field, steps: &[Step<'_>]) -> Result<Option<usize>, String> {
+fn index_of(field: &'static Field, steps: &[Step<'_>]) -> Result<Option<usize>, PathFault> {
     let beyond = |index: usize, of: usize| {
-        Err(format!("invalid index of {}: {index} (allowed: 0 to {})", field.name, of.saturating_sub(1)))
+        Err(PathFault::Beyond { field: field.name, index, most: of.saturating_sub(1) })
     };
     match (steps, field.names) {
         ([], _) => Ok(None),
-        (_, _) if field.array == 0 => Err(format!("{} is one value: write nothing behind it", field.name)),
+        (_, _) if field.array == 0 => Err(PathFault::OneValue(field.name)),
         ([Step::Index(row), Step::Index(column)], Names::Rows(rows, columns)) => {
             if *row >= rows {
                 return beyond(*row, rows);
@@ -241,13 +273,14 @@ fn index_of(field: &'static Field, steps: &[Step<'_>]) -> Result<Option<usize>, 
         ([Step::Name(part)], Names::Parts(parts)) => {
             let all = || parts.iter().map(|c| c.word).collect::<Vec<_>>().join(", ");
             let at = parts.iter().position(|c| c.word == *part).filter(|at| *at < field.array);
-            at.map(Some).ok_or_else(|| format!("{} has no part `{part}`; it has {}", field.name, all()))
+            at.map(Some).ok_or_else(|| PathFault::Part {
+                field: field.name,
+                part: (*part).to_owned(),
+                has: all(),
+            })
         }
-        ([Step::Name(part)], _) => Err(format!(
-            "the values of {} have no names: write {}[0] in place of .{part}",
-            field.name, field.name
-        )),
-        _ => Err(format!("{} has {} values: write one index", field.name, field.array)),
+        ([Step::Name(part)], _) => Err(PathFault::NoNames { field: field.name, part: (*part).to_owned() }),
+        _ => Err(PathFault::Values { field: field.name, values: field.array }),
     }
 }
 
@@ -307,10 +340,10 @@ mod tests {
             ("", "invalid path"),
         ] {
             let Err(refused) = ValuePath::new(path, Track::KIND) else { panic!("{path} is found") };
-            assert!(refused.contains(why), "{path}: {refused}");
+            assert!(refused.to_string().contains(why), "{path}: {refused}");
         }
         let Err(refused) = ValuePath::new("centroid", ClusterTable::KIND) else { panic!("it is found") };
-        assert!(refused.contains("[0].centroid"), "{refused}");
+        assert!(refused.to_string().contains("[0].centroid"), "{refused}");
     }
 
     #[test]

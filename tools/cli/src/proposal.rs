@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_report::proposal::picture;
+use stillpoint_report::proposal::{PictureError, picture};
 use stillpoint_samples::{
     AlignedBytes, DepthImage, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection,
     Sample, SampleKind, Verb,
@@ -250,18 +250,24 @@ impl Proposal {
         extent.unwrap_or_else(|| "a face".into())
     }
 
-    fn write_picture(&self, report: &PoseReportElement, origin: u64) -> Result<Option<PathBuf>, String> {
+    fn write_picture(
+        &self,
+        report: &PoseReportElement,
+        origin: u64,
+    ) -> Result<Option<PathBuf>, ProposalError> {
         let Some(shown) = &self.shown else { return Ok(None) };
         let (Some(image), Some(face)) = (of(&shown.images, origin), of(&shown.faces, origin)) else {
-            return Err("its image passed before it was read".into());
+            return Err(ProposalError::Passed);
         };
         let png = picture(shown.image.1, image, face, shown.image_from_face.as_ref())?;
         let tracker = self.topic().split('.').next().unwrap_or_default();
         let path =
             self.side_by_side.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));
         let written = private::create(&path).and_then(|mut file| file.write_all(&png));
-        written.map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(Some(path))
+        match written {
+            Ok(()) => Ok(Some(path)),
+            Err(error) => Err(ProposalError::File { path, error }),
+        }
     }
 
     fn next_report(&self) -> Result<Option<(u64, PoseReportElement)>, Failure> {
@@ -291,6 +297,17 @@ impl Proposal {
         }
         Ok(())
     }
+}
+
+/// Why a face has no picture.
+#[derive(Debug, thiserror::Error)]
+enum ProposalError {
+    #[error("its image passed before it was read")]
+    Passed,
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    #[error("{}: {error}", path.display())]
+    File { path: PathBuf, error: std::io::Error },
 }
 
 impl Shown {

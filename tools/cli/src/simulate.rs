@@ -11,7 +11,7 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::RunReport;
 use stillpoint_pipeline::run_source::RunSource;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::simulated::{self, SimulatedOptions};
 use stillpoint_recorder::Compression;
@@ -97,7 +97,7 @@ impl Observer for Watch<'_> {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         let stamp = entry.header.stamp;
         // A step of the bar is 10 ms of session time.
         if !self.progress.is_hidden() && stamp >= self.progress.position() + 10_000_000 {

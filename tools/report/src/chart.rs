@@ -68,9 +68,17 @@ pub fn colour(number: usize) -> [u8; 3] {
     [r, g, b]
 }
 
+/// Why a chart is not drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the chart \"{title}\" cannot be drawn: {error}")]
+pub struct ChartError {
+    title: String,
+    error: String,
+}
+
 impl Chart {
     /// The chart as an SVG document of this size in pixels, or what is wrong with its numbers.
-    pub fn svg(&self, width: u32, height: u32) -> Result<String, String> {
+    pub fn svg(&self, width: u32, height: u32) -> Result<String, ChartError> {
         let colours: Vec<usize> = (0..self.series.len()).collect();
         self.document((width, height), |area| self.draw(area, &colours, Legend::Over))
     }
@@ -82,7 +90,7 @@ impl Chart {
         width: u32,
         height: u32,
         colours: &[usize],
-    ) -> Result<String, String> {
+    ) -> Result<String, ChartError> {
         let longest = self.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0) as u32;
         let legend = (44 + 7 * longest).min(width / 2);
         self.document((width, height), |area| {
@@ -108,12 +116,12 @@ impl Chart {
         &self,
         size: (u32, u32),
         draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), DrawingAreaErrorKind<std::io::Error>>,
-    ) -> Result<String, String> {
+    ) -> Result<String, ChartError> {
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
         draw(&area)
             .and_then(|()| area.present())
-            .map_err(|e| format!("the chart \"{}\" cannot be drawn: {e}", self.title))?;
+            .map_err(|error| ChartError { title: self.title.clone(), error: error.to_string() })?;
         drop(area);
         Ok(text)
     }

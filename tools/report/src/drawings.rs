@@ -44,7 +44,7 @@ pub fn chart(chart: &Chart, caption: &str) -> String {
     };
     let drawn = match bare.svg(CHART.0, CHART.1) {
         Ok(svg) => themed(&svg),
-        Err(reason) => format!("<p class=\"warning\">{}</p>", escape(&reason)),
+        Err(error) => format!("<p class=\"warning\">{}</p>", escape(&error.to_string())),
     };
     let names: String = chart.series.iter().enumerate().map(|(i, s)| legend(i, s)).collect();
     let caption = match caption {

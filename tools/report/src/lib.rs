@@ -83,9 +83,7 @@ pub fn sections_of(
     registry: &Registry,
     pictures: usize,
 ) -> Result<Vec<Section>, ReportError> {
-    let pipeline = pipeline_of(session, registry)
-        .map(|(graph, files)| (Arc::new(graph), files))
-        .map_err(|reason| reason.to_string());
+    let pipeline = pipeline_of(session, registry).map(|(graph, files)| (Arc::new(graph), files));
     let source = source::Source { recording: recording::Recording::read(session, path), pipeline, pictures };
     sections::ALL.iter().map(|section| section(&source)).collect()
 }

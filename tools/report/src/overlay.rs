@@ -1,6 +1,6 @@
 //! A depth image as a relief, with the face, the supporting plane and its hull upon it.
 
-use stillpoint_samples::{DepthImage, Pieces, PlaneElement, PointCloud, Sample};
+use stillpoint_samples::{BytesError, DepthImage, Pieces, PlaneElement, PointCloud, Sample};
 
 use super::picture::Indexed;
 
@@ -51,14 +51,27 @@ pub struct PictureView {
     pub captured: Option<u32>,
 }
 
+/// Why a sample is not an image that can be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageError {
+    #[error(transparent)]
+    Bytes(#[from] BytesError),
+    #[error("the cloud is not organised as a camera grid, so it cannot be drawn")]
+    NotOrganised,
+    #[error("its points are not those of a camera")]
+    NotOfACamera,
+    #[error("{width} x {height} does not match an image of {pixels} pixels")]
+    Size { width: u32, height: u32, pixels: usize },
+}
+
 impl Image {
     /// Of a depth image sample.
     ///
     /// # Errors
     /// Its bytes are none, or its sizes do not fit its pixels.
-    pub fn of_depth(bytes: &[u8]) -> Result<Self, String> {
+    pub fn of_depth(bytes: &[u8]) -> Result<Self, ImageError> {
         let view = Pieces::split(DepthImage::KIND, bytes).and_then(|p| p.view::<DepthImage>());
-        let view = view.map_err(|e| e.to_string())?;
+        let view = view?;
         let b = view.body;
         let (width, height) = sizes(b.width, b.height, view.elements.len())?;
         let unit = b.depth_unit as f32;
@@ -70,12 +83,12 @@ impl Image {
     ///
     /// # Errors
     /// Its bytes are none, it is not organised, or its points are no camera's.
-    pub fn of_cloud(bytes: &[u8]) -> Result<Self, String> {
+    pub fn of_cloud(bytes: &[u8]) -> Result<Self, ImageError> {
         let view = Pieces::split(PointCloud::KIND, bytes).and_then(|p| p.view::<PointCloud>());
-        let view = view.map_err(|e| e.to_string())?;
+        let view = view?;
         let (width, height) = sizes(view.body.width, view.body.height, view.elements.len())?;
         if height < 2 {
-            return Err("the cloud is not organised as a camera grid, so it cannot be drawn".to_owned());
+            return Err(ImageError::NotOrganised);
         }
         let points = view.elements.iter().map(|p| p.xyz);
         let depth = points.clone().map(|p| if p[2].is_finite() && p[2] > 0.0 { p[2] } else { 0.0 }).collect();
@@ -85,7 +98,7 @@ impl Image {
                 points.clone().enumerate().filter(|(_, p)| p.iter().all(|c| c.is_finite()) && p[2] > 0.0);
             fit(seen.map(|(i, p)| (f64::from(p[axis]) / f64::from(p[2]), place(i) as f64)))
         };
-        let lines = line(0).zip(line(1)).ok_or("its points are not those of a camera")?;
+        let lines = line(0).zip(line(1)).ok_or(ImageError::NotOfACamera)?;
         let ((fx, cx), (fy, cy)) = lines;
         Ok(Self { width, height, depth, focal: [fx, fy], centre: [cx, cy] })
     }
@@ -161,11 +174,11 @@ impl Image {
     }
 }
 
-fn sizes(width: u32, height: u32, pixels: usize) -> Result<(usize, usize), String> {
+fn sizes(width: u32, height: u32, pixels: usize) -> Result<(usize, usize), ImageError> {
     let (w, h) = (width as usize, height as usize);
     match w.checked_mul(h) {
         Some(n) if n == pixels && n > 0 && n <= MOST_PIXELS => Ok((w, h)),
-        _ => Err(format!("{width} x {height} does not match an image of {pixels} pixels")),
+        _ => Err(ImageError::Size { width, height, pixels }),
     }
 }
 
@@ -339,7 +352,7 @@ mod tests {
         assert!((image.focal[0] - FOCAL).abs() < 1e-2 && (image.centre[1] - 23.5).abs() < 1e-2);
         let body = CloudShape { width: 64 * 48, height: 1, ..body };
         let row = Image::of_cloud(&sample(body.as_bytes(), points.as_bytes(), 64 * 48));
-        assert!(row.unwrap_err().contains("not organised as a camera grid"));
+        assert!(row.unwrap_err().to_string().contains("not organised as a camera grid"));
     }
 
     #[test]
@@ -348,7 +361,7 @@ mod tests {
         let mut bad = good.clone();
         let width_at = HEADER_SIZE + 40;
         bad[width_at..width_at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(Image::of_depth(&bad).unwrap_err().contains("3072 pixels"));
+        assert!(Image::of_depth(&bad).unwrap_err().to_string().contains("3072 pixels"));
         assert!(Image::of_depth(&good[..good.len() - 2]).is_err());
     }
 }

@@ -1,9 +1,23 @@
 //! The picture of a face that was captured as a reference, for the person who confirms it.
 
 use stillpoint_operator::frames::Rigid;
-use stillpoint_samples::{DepthImage, Pieces, PointCloud, Sample, SampleKind};
+use stillpoint_samples::{BytesError, DepthImage, Pieces, PointCloud, Sample, SampleKind};
 
-use crate::overlay::{Image, PictureView, paint};
+use crate::overlay::{Image, ImageError, PictureView, paint};
+
+/// Why a face is not drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// The face is not a cloud.
+    #[error("the face: {0}")]
+    Face(BytesError),
+    /// The image cannot be drawn.
+    #[error("the image: {0}")]
+    Image(ImageError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Png(#[from] png::EncodingError),
+}
 
 /// A PNG file of an image (a sample of a depth image or of an organised cloud) with a face (a sample of a cloud) and its
 /// outline. `image_from_face` leads from the face's frame to that of the image where they differ.
@@ -15,9 +29,9 @@ pub fn picture(
     image: &[u8],
     face: &[u8],
     image_from_face: Option<&Rigid>,
-) -> Result<Vec<u8>, String> {
+) -> Result<Vec<u8>, PictureError> {
     let points = Pieces::split(PointCloud::KIND, face).and_then(|p| p.view::<PointCloud>());
-    let points = points.map_err(|e| format!("the face: {e}"))?;
+    let points = points.map_err(PictureError::Face)?;
     let place = |p: [f32; 3]| match image_from_face {
         Some(t) => t.apply(p.map(f64::from)).map(|c| c as f32),
         None => p,
@@ -25,7 +39,7 @@ pub fn picture(
     let image = if *kind == *DepthImage::KIND { Image::of_depth(image) } else { Image::of_cloud(image) };
     let view = PictureView {
         origin: 0,
-        image: image.map_err(|e| format!("the image: {e}"))?,
+        image: image.map_err(PictureError::Image)?,
         face: points.elements.iter().map(|p| place(p.xyz)).collect(),
         plane: None,
         hull: Vec::new(),
@@ -33,5 +47,5 @@ pub fn picture(
         rejection: None,
         captured: Some(1),
     };
-    paint(&view).png().map_err(|e| e.to_string())
+    Ok(paint(&view).png()?)
 }

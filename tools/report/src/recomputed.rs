@@ -6,16 +6,14 @@ use std::collections::BTreeMap;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::replay::{ReplayError, Selection, replay};
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pipeline::stdout::StdoutRedirect;
+use stillpoint_recorder::SessionError;
 use stillpoint_samples::Entry;
 
 use super::camera::{Camera, Found};
 use super::source::Source;
 use super::wiring::is_activation;
-
-/// The reason with which the observer ends the replay.
-const ENOUGH: &str = "enough was made again";
 
 /// Keeps the wanted samples of a replay, and ends it after the last one.
 struct Collector<'a> {
@@ -33,7 +31,7 @@ impl Observer for Collector<'_> {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         let origin = entry.header.origin;
         if self.requested.contains(&origin) {
             for (port, owned) in outputs {
@@ -43,9 +41,29 @@ impl Observer for Collector<'_> {
             }
         }
         let is_past = operator == self.stage && self.requested.last().is_none_or(|last| origin >= *last);
-        let sentence = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
-        if is_past && is_activation(entry) { Err(sentence()) } else { Ok(()) }
+        if is_past && is_activation(entry) {
+            let name = &self.graph.operators[operator].name;
+            return Err(ObserverError::Enough(format!("enough was made again of {name}")));
+        }
+        Ok(())
     }
+}
+
+/// Why images and detections are not computed.
+#[derive(Debug, thiserror::Error)]
+pub enum RecomputeError {
+    /// The pipeline is not one of this build.
+    #[error("the session does not hold the detections, and this build cannot run its pipeline: {0}")]
+    Pipeline(String),
+    /// The session was recorded in another layout.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The pipeline does not have the camera.
+    #[error("the pipeline has no such operator")]
+    Operator,
+    /// The session cannot be replayed.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
 }
 
 /// Adds what is wanted of a camera: images and results of these origins.
@@ -57,20 +75,18 @@ pub fn recomputed_views(
     camera: &Camera,
     requested: &[u64],
     found: &mut Found,
-) -> Result<(), String> {
-    let (graph, files) = source.pipeline.as_ref().map_err(|reason| {
-        format!("the session does not hold the detections, and this build cannot run its pipeline: {reason}")
-    })?;
+) -> Result<(), RecomputeError> {
+    let pipeline = source.pipeline.as_ref();
+    let (graph, files) = pipeline.map_err(|reason| RecomputeError::Pipeline(reason.to_string()))?;
     let session = source.recording.session;
-    session.check_layouts().map_err(|e| e.to_string())?;
-    let stage = graph.operator(&camera.stage).ok_or("the pipeline has no such operator")?;
+    session.check_layouts()?;
+    let stage = graph.operator(&camera.stage).ok_or(RecomputeError::Operator)?;
     let topics = camera.results.values().chain([&camera.image]);
     let topics = topics.filter_map(|t| Some((graph.topic(t)?, t.clone()))).collect();
     let mut collector = Collector { graph, topics, stage, requested, found };
     let _aside = StdoutRedirect::to_stderr();
     match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
-        Err(ReplayError::Observer(sentence)) if sentence.starts_with(ENOUGH) => Ok(()),
-        Ok(_) => Ok(()),
-        Err(e) => Err(e.to_string()),
+        Ok(_) | Err(ReplayError::Observer(ObserverError::Enough(_))) => Ok(()),
+        Err(e) => Err(e.into()),
     }
 }

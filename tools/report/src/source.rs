@@ -8,12 +8,13 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::session_files::SessionFiles;
 
 use super::recording::Recording;
+use super::session_pipeline::SessionPipelineError;
 
 /// A session as it was read, and its pipeline as far as this build knows it.
 pub struct Source<'s> {
     pub recording: Recording<'s>,
     /// The checked pipeline with the files that it names, or why there is none.
-    pub pipeline: Result<(Arc<Graph>, SessionFiles), String>,
+    pub pipeline: Result<(Arc<Graph>, SessionFiles), SessionPipelineError>,
     /// Pictures of each camera at most.
     pub pictures: usize,
 }

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use stillpoint_recorder::Topic;
 use stillpoint_samples::{
-    DepthImage, Hull, Pieces, Plane, PointCloud, PoseReport, RefKind, Rejection, Sample, SampleKind,
+    BytesError, DepthImage, Hull, Pieces, Plane, PointCloud, PoseReport, RefKind, Rejection, Sample,
+    SampleKind,
 };
 
 use super::camera::{Camera, Found};
-use super::overlay::Image;
-use super::overlay::PictureView;
+use super::overlay::{Image, ImageError, PictureView};
 use super::recomputed::recomputed_views;
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
@@ -110,13 +110,13 @@ fn fill(source: &Source<'_>, camera: &mut Camera) {
     if !all_retained && !requested.is_empty() {
         match recomputed_views(source, camera, &requested, &mut found) {
             Ok(()) => camera.recomputed_views = true,
-            Err(reason) => camera.missing = Some(reason),
+            Err(error) => camera.missing = Some(error.to_string()),
         }
     }
     for origin in &requested {
         match view(source, camera, *origin, &found) {
             Ok(view) => camera.views.push(PictureView { captured: captured.get(origin).copied(), ..view }),
-            Err(reason) => camera.missing = Some(reason),
+            Err(error) => camera.missing = Some(error.to_string()),
         }
     }
 }
@@ -188,16 +188,27 @@ fn retained(
     found
 }
 
-fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<PictureView, String> {
+/// Why a session does not show an image with its detections.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+enum ViewError {
+    #[error("{0} does not hold all images")]
+    NotAll(String),
+    #[error("{stage}: {error}")]
+    Detection { stage: String, error: BytesError },
+    #[error("{topic}: {error}")]
+    Image { topic: String, error: ImageError },
+}
+
+fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<PictureView, ViewError> {
     let bytes = |topic: &String| found.get(&(topic.clone(), origin)).map(|b| &b[..]);
     let of = |kind: &str| camera.results.get(kind).and_then(bytes);
-    let broken = |e: stillpoint_samples::BytesError| format!("{}: {e}", camera.stage);
-    let raw = bytes(&camera.image).ok_or_else(|| format!("{} does not hold all images", camera.image))?;
+    let broken = |error: BytesError| ViewError::Detection { stage: camera.stage.clone(), error };
+    let raw = bytes(&camera.image).ok_or_else(|| ViewError::NotAll(camera.image.clone()))?;
     let image = match kind_of(source, &camera.image) {
         Some(kind) if *kind == *DepthImage::KIND => Image::of_depth(raw),
         _ => Image::of_cloud(raw),
     };
-    let image = image.map_err(|reason| format!("{}: {reason}", camera.image))?;
+    let image = image.map_err(|error| ViewError::Image { topic: camera.image.clone(), error })?;
     let image_from = |kind: &str| {
         let topic = camera.results.get(kind)?;
         source.transform(&camera.image, topic)

@@ -151,7 +151,7 @@ impl<'a> ParamReader<'a> {
         };
         let wrong = match (list, field.names) {
             (Err(reason), _) => {
-                Some((reason, "write its path from the folder of this file, or put it there"))
+                Some((reason.to_string(), "write its path from the folder of this file, or put it there"))
             }
             (Ok(list), Names::File) if list != [name.as_str()] => {
                 let found = if pattern::is_one(&name) { "a pattern" } else { "a folder" };

@@ -6,18 +6,42 @@ use super::{ParamField, ParamReader, ParamType};
 use crate::config::faults::{Code, Findings};
 use crate::config::source::Span;
 use crate::config::{quantity, units};
-use crate::files::Files;
+use crate::files::{Files, FilesError};
 use crate::stage::Stage;
 
+/// Why a kind's parameters are not declared rightly.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{kind}: {fault}")]
+pub struct VerifyError {
+    kind: &'static str,
+    fault: DeclarationFault,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+enum DeclarationFault {
+    #[error("`{0}` has no description")]
+    Undescribed(&'static str),
+    #[error("`{0}` has the unknown unit {1}")]
+    Unit(&'static str, &'static str),
+    #[error("`{0}` must be in SI: {1}")]
+    NotSi(&'static str, &'static str),
+    #[error("`{0}`: {1} is not a choice")]
+    Choice(&'static str, &'static str),
+    #[error("`{0}`: {1}")]
+    Value(&'static str, String),
+    #[error("{0}")]
+    Read(String),
+}
+
 /// Whether descriptions, units, defaults and ranges of a kind's parameters can be read and agree with each other.
-pub fn verify(stage: &Stage) -> Result<(), String> {
-    let name = stage.kind.name;
-    verify_fields(stage.fields).map_err(|reason| format!("{name}: {reason}"))?;
+pub fn verify(stage: &Stage) -> Result<(), VerifyError> {
+    let kind = stage.kind.name;
+    verify_fields(stage.fields).map_err(|fault| VerifyError { kind, fault })?;
     let (findings, named) = (Findings::default(), RefCell::new(Vec::new()));
-    (stage.read)(&mut ParamReader::new(&[], name, Span::default(), &findings, &Everything, &named));
+    (stage.read)(&mut ParamReader::new(&[], kind, Span::default(), &findings, &Everything, &named));
     let faults = findings.into_faults(Default::default());
     match faults.list().iter().find(|f| f.code != Code::MissingParam) {
-        Some(fault) => Err(format!("{name}: {}", fault.message)),
+        Some(fault) => Err(VerifyError { kind, fault: DeclarationFault::Read(fault.message.clone()) }),
         None => Ok(()),
     }
 }
@@ -26,23 +50,23 @@ pub fn verify(stage: &Stage) -> Result<(), String> {
 struct Everything;
 
 impl Files for Everything {
-    fn read(&self, _: &str) -> Result<Vec<u8>, String> {
+    fn read(&self, _: &str) -> Result<Vec<u8>, FilesError> {
         Ok(Vec::new())
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
         Ok(vec![name.to_owned()])
     }
 }
 
-fn verify_fields(fields: &'static [ParamField]) -> Result<(), String> {
+fn verify_fields(fields: &'static [ParamField]) -> Result<(), DeclarationFault> {
     for field in fields {
         let innermost = innermost(field.ty);
         if let ParamType::Group(nested) = innermost {
             verify_fields(nested)?;
         }
         if field.about.is_empty() {
-            return Err(format!("`{}` has no description", field.name));
+            return Err(DeclarationFault::Undescribed(field.name));
         }
         let bounds = [field.min, field.above, field.max].into_iter().flatten();
         let mut texts: Vec<&str> = bounds.collect();
@@ -51,7 +75,7 @@ fn verify_fields(fields: &'static [ParamField]) -> Result<(), String> {
         }
         let known = units::find(field.unit);
         if !field.unit.is_empty() && known.is_none() {
-            return Err(format!("`{}` has the unknown unit {}", field.name, field.unit));
+            return Err(DeclarationFault::Unit(field.name, field.unit));
         }
         for text in texts {
             let read = match innermost {
@@ -59,7 +83,7 @@ fn verify_fields(fields: &'static [ParamField]) -> Result<(), String> {
                 ParamType::Number => {
                     let si = known.map(|(d, _)| d.si());
                     if si != Some(field.unit) {
-                        return Err(format!("`{}` must be in SI: {}", field.name, si.unwrap_or_default()));
+                        return Err(DeclarationFault::NotSi(field.name, si.unwrap_or_default()));
                     }
                     quantity::si(text, field.unit).map(|_| ())
                 }
@@ -68,11 +92,11 @@ fn verify_fields(fields: &'static [ParamField]) -> Result<(), String> {
                 ParamType::Text | ParamType::Choice(_)
                     if !field.choices().is_empty() && !field.choices().contains(&text) =>
                 {
-                    return Err(format!("`{}`: {text} is not a choice", field.name));
+                    return Err(DeclarationFault::Choice(field.name, text));
                 }
                 _ => Ok(()),
             };
-            read.map_err(|c| format!("`{}`: {}", field.name, c.message))?;
+            read.map_err(|c| DeclarationFault::Value(field.name, c.message))?;
         }
     }
     Ok(())

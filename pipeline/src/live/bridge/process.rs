@@ -1,6 +1,7 @@
 //! The body of the bridge's process.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::os::fd::OwnedFd;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -30,7 +31,7 @@ const SETTLING: Duration = Duration::from_secs(2);
 
 /// The body of the bridge's process. Orders come on standard input; their end is the supervisor's end, and this one's.
 /// `open` opens the network, or says why it cannot.
-pub fn bridge_main(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) -> ExitCode {
+pub fn bridge_main<E: Display>(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, E>) -> ExitCode {
     if take_control().is_err() {
         return ExitCode::from(70);
     }
@@ -45,7 +46,9 @@ pub fn bridge_main(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>,
     }
 }
 
-fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) -> Result<(), WorkerError> {
+fn serve<E: Display>(
+    open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, E>,
+) -> Result<(), WorkerError> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<HelloBridge>(&mut orders)? else { return Ok(()) };
     start_thread(|| end_with_supervisor(0))?;
@@ -69,7 +72,7 @@ fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) 
             let _ = rustix::io::write(&*ring, &1_u64.to_ne_bytes());
         }),
     })
-    .map_err(WorkerError::Network)?;
+    .map_err(|e| WorkerError::Network(e.to_string()))?;
     let mut listeners = Vec::new();
     let leaves = hello.leaves.iter().map(|l| Outgoing::open(l, &domain, &*network, &mut listeners));
     let leaves = leaves.collect::<Result<_, _>>()?;

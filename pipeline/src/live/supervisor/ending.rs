@@ -17,6 +17,9 @@ use crate::live::report::{Recorded, Run, RunReport};
 /// How long the processes of a level may take to drain their inputs and mark their ends.
 const STOP_PATIENCE: Duration = Duration::from_secs(10);
 
+/// Why the session of a run is not ended.
+struct RecordingFailed(String);
+
 /// The signals that arrive while a run ends. The first signal stops the run in order; each further signal abandons the
 /// current wait, and no later one.
 struct StopSignals<'s> {
@@ -84,7 +87,7 @@ impl Supervisor {
         };
         match self.finish_recording(&report, records, &mut signals) {
             Ok(recorded) => report.recorded.extend(recorded),
-            Err(reason) => report.recording_failed = Some(reason),
+            Err(failed) => report.recording_failed = Some(failed.0),
         }
         for worker in &mut self.workers {
             if let Some(mut child) = worker.child.take() {
@@ -157,12 +160,13 @@ impl Supervisor {
         report: &RunReport,
         answers: bool,
         signals: &mut StopSignals,
-    ) -> Result<Option<Recorded>, String> {
+    ) -> Result<Option<Recorded>, RecordingFailed> {
         if self.options.session.is_none() {
             return Ok(None);
         }
         let Some(mut recorder) = self.recorder.take() else {
-            return Err(self.recorder_exit.take().unwrap_or_else(|| "there is no recorder".to_string()));
+            let exit = self.recorder_exit.take();
+            return Err(RecordingFailed(exit.unwrap_or_else(|| "there is no recorder".to_string())));
         };
         if answers {
             let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
@@ -187,7 +191,7 @@ impl Supervisor {
         if !recorder.is_gone() {
             recorder.kill_unresponsive(recorder.silence().max(begun.elapsed()));
         }
-        Err(self.reap(recorder))
+        Err(RecordingFailed(self.reap(recorder)))
     }
 }
 

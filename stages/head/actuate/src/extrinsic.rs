@@ -45,7 +45,7 @@ impl Extrinsic {
     ///
     /// # Errors
     /// A name in `params.frames` that is no frame, in a sentence.
-    pub fn of(params: &ExtrinsicParams, frames: &Frames, frame: Option<&str>) -> Result<Self, String> {
+    pub fn of(params: &ExtrinsicParams, frames: &Frames, frame: Option<&str>) -> Result<Self, UnplacedFrame> {
         let waived = Self { fault: None, oldest: None, max_age: None };
         if params.need == Need::Waived {
             return Ok(waived);
@@ -53,7 +53,9 @@ impl Extrinsic {
         let fault = |fault: String| Ok(Self { fault: Some(fault), ..waived.clone() });
         let counted = match (&params.frames, frame) {
             (Some(names), _) => {
-                let named = |name: &String| frames.placed.get_key_value(name).ok_or_else(|| unknown(name));
+                let named = |name: &String| {
+                    frames.placed.get_key_value(name).ok_or_else(|| UnplacedFrame(name.clone()))
+                };
                 names.iter().map(named).collect::<Result<Vec<_>, _>>()?
             }
             (None, None) => return fault("the pose is in no frame".into()),
@@ -92,21 +94,33 @@ impl Extrinsic {
     }
 }
 
-fn unknown(name: &str) -> String {
-    format!("`{name}` in `extrinsic.frames` is not a frame that `frames` places")
+/// A name of the parameters that is not the name of a frame.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` in `extrinsic.frames` is not a frame that `frames` places")]
+pub struct UnplacedFrame(String);
+
+/// Why the measurement of a frame is not valid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+enum FrameFault {
+    #[error("has no `measured: YYYY-MM-DD`")]
+    NotMeasured,
+    #[error("has no `residual`")]
+    NoResidual,
+    #[error("has a residual of {} mm, more than {} mm", found * 1e3, most * 1e3)]
+    Residual { found: f64, most: f64 },
+    #[error("has no date: {0}")]
+    Date(String),
 }
 
 /// Day of a frame's measurement, or the reason why it is not valid.
-fn day_of(frame: &Frame, max_residual: f64) -> Result<i64, String> {
-    let date = frame.measured.as_deref().ok_or("has no `measured: YYYY-MM-DD`")?;
+fn day_of(frame: &Frame, max_residual: f64) -> Result<i64, FrameFault> {
+    let date = frame.measured.as_deref().ok_or(FrameFault::NotMeasured)?;
     match frame.residual {
-        None => return Err("has no `residual`".into()),
+        None => return Err(FrameFault::NoResidual),
         Some(r) if r <= max_residual => {}
-        Some(r) => {
-            return Err(format!("has a residual of {} mm, more than {} mm", r * 1e3, max_residual * 1e3));
-        }
+        Some(found) => return Err(FrameFault::Residual { found, most: max_residual }),
     }
-    day(date).ok_or_else(|| format!("has no date: {date}"))
+    day(date).ok_or_else(|| FrameFault::Date(date.to_owned()))
 }
 
 /// Days from 1970-01-01 to a date `YYYY-MM-DD` of the Gregorian calendar.
@@ -192,6 +206,6 @@ mod tests {
         let waived = ExtrinsicParams { need: Need::Waived, ..params() };
         assert!(Extrinsic::of(&waived, &frames, None).unwrap().is_valid(0));
         let named = ExtrinsicParams { frames: Some(vec!["kamera".into()]), ..params() };
-        assert!(Extrinsic::of(&named, &frames, None).unwrap_err().contains("kamera"));
+        assert!(Extrinsic::of(&named, &frames, None).unwrap_err().to_string().contains("kamera"));
     }
 }

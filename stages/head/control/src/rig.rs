@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::SVector;
 use stillpoint_mechanics::contact::grasp::Touch;
 use stillpoint_mechanics::plant::Plant;
+use stillpoint_mechanics::plant::equilibrium::EquilibriumError;
 use stillpoint_mechanics::plant::layouts::around;
 use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
 pub use stillpoint_mechanics::plant::rigs::{RIGS, RigSpec};
@@ -71,7 +72,7 @@ pub struct Rig(Option<Arc<dyn Mechanics>>);
 /// What is asked of a rig, whatever its numbers of coordinates and bladders.
 trait Mechanics: Debug + Send + Sync {
     fn channels(&self) -> &[usize];
-    fn rates(&self) -> Result<Vec<[f64; 6]>, String>;
+    fn rates(&self) -> Result<Vec<[f64; 6]>, EquilibriumError>;
     fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), Obstacle>;
     fn held(&self, moved: &[f64; 6], pressure: &[f64; BLADDERS]) -> (Held, usize);
 }
@@ -118,7 +119,7 @@ impl Rig {
     ///
     /// # Errors
     /// The rig does not bear the head.
-    pub fn of(kind: RigKind, mass: f64) -> Result<Self, String> {
+    pub fn of(kind: RigKind, mass: f64) -> Result<Self, EquilibriumError> {
         kind.0.map(|spec| spec.with(mass, Rest)).transpose().map(Self)
     }
 
@@ -127,7 +128,7 @@ impl Rig {
     ///
     /// # Errors
     /// The rig does not bear the head with a little less air in a bladder.
-    pub fn rates(&self) -> Result<Option<Vec<[f64; 6]>>, String> {
+    pub fn rates(&self) -> Result<Option<Vec<[f64; 6]>>, EquilibriumError> {
         self.0.as_ref().map(|at| at.rates()).transpose()
     }
 
@@ -166,11 +167,11 @@ impl Rig {
 struct Rest;
 
 impl UsePlant for Rest {
-    type Made = Result<Arc<dyn Mechanics>, String>;
+    type Made = Result<Arc<dyn Mechanics>, EquilibriumError>;
 
     fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made {
         let RigPlant { plant, air, guess, channels } = rig;
-        let rest = plant.equilibrium(&air, guess).map_err(|e| e.to_string())?;
+        let rest = plant.equilibrium(&air, guess)?;
         let pressed = plant.bladders(&rest, &air);
         let push = SVector::from_fn(|j, _| pressed[j].force());
         let friction = (D == 6 && B == BLADDERS).then(|| {
@@ -194,8 +195,8 @@ impl<const D: usize, const B: usize, const N: usize> Mechanics for At<D, B, N> {
         (held(&self.plant, self.friction.as_ref(), &position, pressure), B)
     }
 
-    fn rates(&self) -> Result<Vec<[f64; 6]>, String> {
-        let slopes = self.plant.pose_by_air(&self.air, self.rest).map_err(|e| e.to_string())?;
+    fn rates(&self) -> Result<Vec<[f64; 6]>, EquilibriumError> {
+        let slopes = self.plant.pose_by_air(&self.air, self.rest)?;
         let flow = self.plant.inlet_flow(NOMINAL);
         let of_bladder = |j: usize| {
             let mut rates = [0.0; 6];

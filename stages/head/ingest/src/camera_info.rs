@@ -4,7 +4,7 @@ use stillpoint_cdr::{CdrError, Reader};
 use stillpoint_operator::Choice;
 use thiserror::Error;
 
-use crate::checks::{self, quoted};
+use crate::checks::{self, CheckError, quoted};
 use crate::depth::MAX_PIXELS;
 
 /// Largest distance, in pixels, between a pixel and the place at which its ray is distorted again.
@@ -55,8 +55,8 @@ pub enum CameraInfoError {
         allowed: f64,
     },
     /// The principal point is not in the image.
-    #[error("{0}")]
-    PrincipalPoint(String),
+    #[error(transparent)]
+    PrincipalPoint(#[from] CheckError),
     /// The part of the camera that its images show is none.
     #[error(
         "its images show {width} x {height} pixels at ({x_offset}, {y_offset}), binned {binning_x} x {binning_y}, of a camera \
@@ -189,7 +189,7 @@ impl CameraInfo {
             return Err(CameraInfoError::Matrix { entry: "(3, 3)", value: matrices[one], allowed: 1.0 });
         }
         let size = [width, height].map(|n| n as usize);
-        checks::principal_point([cx, cy], size).map_err(CameraInfoError::PrincipalPoint)?;
+        checks::principal_point([cx, cy], size)?;
         let distortion = match image {
             Image::Raw => polynomial(model, &d)?,
             Image::Rectified => [0.0; 8],

@@ -160,7 +160,11 @@ impl Operator for PlanOptimizer {
         spec.protocol = protocol.clone();
         let limits = Limits { own: limits(&params.limits)?, protocol };
         let patient = Patient::new(case, spec, limits)?;
-        let build = setup.is_connected(ANSWERS).then(Build::here).transpose().map_err(SetupError)?;
+        let build = setup
+            .is_connected(ANSWERS)
+            .then(Build::here)
+            .transpose()
+            .map_err(|e| SetupError(e.to_string()))?;
         Ok(Self {
             params,
             patient,

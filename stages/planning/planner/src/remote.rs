@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use stillpoint_operator::StepError;
 use stillpoint_plan::dose::BeamFile;
-use stillpoint_pool::{Build, Call, Hash, Inside, LaterSolver, Names, PoolSetup, Requested};
+use stillpoint_pool::{Build, Call, CallError, Hash, Inside, LaterSolver, Names, PoolSetup, Requested};
 
 use super::job::{Found, Job, fault, search};
 use super::patient::Patient;
@@ -217,11 +217,11 @@ impl Inside for Served<'_> {
             .or_else(|| names.as_ref()?.content(&self.job?.doses[..], hash))
     }
 
-    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String> {
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), CallError> {
         let Some(job) = self.job else { return Ok(()) };
         match (job.remote.open.calls.get(key), &job.remote.names) {
             (Some(Call::Dose { gantry_deg, .. }), _) => {
-                job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(|e| e.to_string())
+                job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(CallError::of)
             }
             (Some(call), Some(names)) => {
                 PoolSetup::named(&job.doses[..], self.patient.goals(), names).check(call, answer)

@@ -124,7 +124,7 @@ impl Operator for Crew {
     };
 
     fn new(params: CrewParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        let build = Build::here().map_err(SetupError)?;
+        let build = Build::here().map_err(|e| SetupError(e.to_string()))?;
         let mut parts = vec![Part { build, ..Part::default() }; params.workers as usize];
         let weather = match params.fault {
             Fault::Storm => Weather { delay: (5 * MS, 60 * MS), lost: 20, doubled: 60 },

@@ -17,6 +17,14 @@ use crate::{Hash, answer};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Build(Arc<str>);
 
+/// Why a build is not known: the sample computation fails.
+#[derive(Debug, thiserror::Error)]
+#[error("the sample computation of this build fails: {0}")]
+pub struct BuildError(Fault);
+
+/// What a step of the sample computation answers.
+type Fault = Box<dyn std::error::Error + Send + Sync>;
+
 /// The longest text of a build.
 pub const LONGEST: usize = 1024;
 
@@ -25,8 +33,8 @@ impl Build {
     ///
     /// # Errors
     /// The sample computation fails, which is a fault of the build.
-    pub fn here() -> Result<Self, String> {
-        let probe = probe().map_err(|e| format!("the sample computation of this build fails: {e}"))?;
+    pub fn here() -> Result<Self, BuildError> {
+        let probe = probe().map_err(BuildError)?;
         Ok(Self::of(&format!(
             "stillpoint {}, sources {}, processor {} {} with {}, caches {}, sample {probe:.16}",
             env!("CARGO_PKG_VERSION"),
@@ -80,7 +88,7 @@ fn caches() -> String {
 }
 
 /// Doses of three beams to a cube of water with a target, the best fluence of two, the price of the third.
-fn probe() -> Result<Hash, String> {
+fn probe() -> Result<Hash, Fault> {
     const SIDE: usize = 16;
     let grid = Grid { counts: [SIDE; 3], spacing_mm: [10.0; 3], origin_mm: [-75.0; 3] };
     let within = |voxel: usize, mm: f64| {
@@ -95,13 +103,12 @@ fn probe() -> Result<Hash, String> {
         target: &Mask::from_fn(grid.len(), |voxel| within(voxel, 22.0)),
         isocentre_mm: [0.0; 3],
     };
-    let machine = Machine::shipped().map_err(|e| e.to_string())?;
-    let engine =
-        DoseEngine::new(&anatomy, machine, DoseParams::over(&grid, 10.0)).map_err(|e| e.to_string())?;
+    let machine = Machine::shipped()?;
+    let engine = DoseEngine::new(&anatomy, machine, DoseParams::over(&grid, 10.0))?;
     let mut rows = Vec::new();
     for angle in [12.0, 100.0, 236.0] {
-        let beam = engine.beam(angle).map_err(|e| e.to_string())?;
-        rows.push(Rows::from_columns(beam.dose.view()).map_err(|e| e.to_string())?);
+        let beam = engine.beam(angle)?;
+        rows.push(Rows::from_columns(beam.dose.view())?);
     }
     let structure = |name: &str, mm: f64, objectives| StructureObjectives {
         name: name.to_owned(),
@@ -118,11 +125,10 @@ fn probe() -> Result<Hash, String> {
         structure("target", 22.0, target),
         structure("body", 70.0, vec![Objective::Overdose(Overdose { dose: 20.0, weight: 10.0 })]),
     ];
-    let goals = Goals::new(requested, engine.rows()).map_err(|e| e.to_string())?;
+    let goals = Goals::new(requested, engine.rows())?;
     let beams: Vec<Setups<'_>> = rows.iter().map(|rows| rows.view().into()).collect();
-    let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)
-        .map_err(|e| e.to_string())?;
-    let prices = price_beams(&goals, Some(&plan), &beams[2..]).map_err(|e| e.to_string())?;
+    let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)?;
+    let prices = price_beams(&goals, Some(&plan), &beams[2..])?;
     let doses: Vec<u8> =
         rows.iter().flat_map(|rows| rows.view().value).flat_map(|v| v.to_le_bytes()).collect();
     Ok(Hash::of_parts(&[&doses, &answer::of_plan(&plan), &answer::of_prices(&prices)]))

@@ -11,7 +11,7 @@ use stillpoint_plan::beams::{checked_tolerance, price_beams, solve_beams};
 use stillpoint_plan::dose::{BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
-use crate::answer;
+use crate::{CallError, answer};
 
 /// A call whose arguments are at hand.
 pub enum Ready {
@@ -62,38 +62,38 @@ impl Ready {
     ///
     /// # Errors
     /// The arguments do not fit each other.
-    pub fn compute(&self) -> Result<Vec<u8>, String> {
+    pub fn compute(&self) -> Result<Vec<u8>, CallError> {
         match self {
-            Self::Dose { engine, gantry_deg } => engine.beam_file(*gantry_deg).map_err(|e| e.to_string()),
+            Self::Dose { engine, gantry_deg } => engine.beam_file(*gantry_deg).map_err(CallError::of),
             Self::Solve { goals, beams, start, tolerance } => {
-                let tolerance = checked_tolerance(*tolerance).map_err(|e| e.to_string())?;
+                let tolerance = checked_tolerance(*tolerance).map_err(CallError::of)?;
                 let plan =
                     solve_beams(goals, &setups(beams)?, start.as_deref(), tolerance, NonZeroUsize::MIN);
-                let plan = plan.map_err(|e| e.to_string())?;
+                let plan = plan.map_err(CallError::of)?;
                 Ok(answer::of_plan(&plan))
             }
             Self::Price { goals, base, candidates } => {
                 let prices = price_beams(goals, base.as_deref(), &setups(candidates)?);
-                Ok(answer::of_prices(&prices.map_err(|e| e.to_string())?))
+                Ok(answer::of_prices(&prices.map_err(CallError::of)?))
             }
             Self::Game { network, case, patient, seed, rules } => {
                 let problem = match case {
                     Some(case) => patient.problem_of(Case::clone(case)),
                     None => patient.problem(),
                 };
-                let problem = problem.map_err(|e| e.to_string())?;
+                let problem = problem.map_err(CallError::of)?;
                 let game = play_on(&problem, network.as_deref(), patient, *seed, *rules, NonZeroUsize::MIN);
-                game.and_then(|game| game.to_bytes()).map_err(|e| e.to_string())
+                game.and_then(|game| game.to_bytes()).map_err(CallError::of)
             }
         }
     }
 }
 
-fn setups(beams: &[Vec<Arc<BeamFile>>]) -> Result<Vec<Setups<'_>>, String> {
-    let uneven = || "the doses of a beam in several set-ups have different sizes".to_owned();
+fn setups(beams: &[Vec<Arc<BeamFile>>]) -> Result<Vec<Setups<'_>>, CallError> {
     let mut all = Vec::with_capacity(beams.len());
     for setups in beams {
-        let together = Setups::new(setups.iter().map(|dose| dose.dose()).collect()).ok_or_else(uneven)?;
+        let together =
+            Setups::new(setups.iter().map(|dose| dose.dose()).collect()).ok_or(CallError::Uneven)?;
         all.push(together.placed(setups.first().map_or(&[], |dose| dose.bixels_mm())));
     }
     Ok(all)

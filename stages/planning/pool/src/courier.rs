@@ -25,6 +25,17 @@ pub struct Arrival {
     pub bytes: Vec<u8>,
 }
 
+/// Why no message will arrive any more.
+#[derive(Debug, thiserror::Error)]
+pub enum CourierError {
+    /// What arrives is not a message.
+    #[error("the process that carries messages to the pool sends what is not a message: {0}")]
+    NotAMessage(std::io::Error),
+    /// The process that carries messages has ended.
+    #[error("the process that carries messages to the pool has ended")]
+    Ended,
+}
+
 /// Carries messages and keeps the time. It may lose messages, repeat them, and change their order.
 pub trait Courier {
     /// Nanoseconds since any moment; it does not go back.
@@ -37,5 +48,5 @@ pub trait Courier {
     ///
     /// # Errors
     /// Nothing will arrive any more.
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String>;
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError>;
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use stillpoint_plan::dose::{BeamFile, CacheError, DoseCache, DoseEngine};
 
-use crate::{Call, Courier, Hash, Home, Pool};
+use crate::{Call, CallError, Courier, Hash, Home, Pool};
 
 /// Doses that a pool computed for a cache.
 #[derive(Default)]
@@ -25,11 +25,11 @@ impl PoolDoses {
         engines: &[DoseEngine],
         angles_deg: &[f64],
         mut on_dose: impl FnMut(),
-    ) -> Result<(), String> {
+    ) -> Result<(), CallError> {
         for (place, engine) in engines.iter().enumerate() {
             let mut missing = cache.missing(engine, angles_deg);
             while !missing.is_empty() {
-                let bytes = engine.to_bytes().map_err(|e| e.to_string())?;
+                let bytes = engine.to_bytes().map_err(CallError::of)?;
                 let name = Hash::of(&bytes);
                 let calls: Vec<Call> =
                     missing.iter().map(|deg| Call::Dose { engine: name, gantry_deg: *deg }).collect();
@@ -41,7 +41,7 @@ impl PoolDoses {
                             on_dose();
                             Ok(())
                         }
-                        Err(e) => Err(e.to_string()),
+                        Err(e) => Err(CallError::of(e)),
                     }
                 })?;
                 self.made
@@ -79,12 +79,12 @@ impl Home for Dosing<'_> {
         (*hash == self.name).then_some(self.bytes)
     }
 
-    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String> {
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError> {
         // The rest is checked when it is put into the cache.
-        BeamFile::check_bytes(answer, self.angles_deg[call]).map_err(|e| e.to_string())
+        BeamFile::check_bytes(answer, self.angles_deg[call]).map_err(CallError::of)
     }
 
-    fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
-        self.engine.beam_file(self.angles_deg[call]).map_err(|e| e.to_string())
+    fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
+        self.engine.beam_file(self.angles_deg[call]).map_err(CallError::of)
     }
 }

@@ -9,10 +9,10 @@ use stillpoint_network::game::play;
 use stillpoint_network::patient::Body;
 use stillpoint_network::{Due, Game, Model};
 
-use crate::{Call, Courier, Hash, Home, Pool};
+use crate::{Call, CallError, Courier, Hash, Home, Pool};
 
 /// Takes a game, by its place among those that are due. An error ends the games.
-pub type Played<'a> = &'a mut dyn FnMut(usize, Game) -> Result<(), String>;
+pub type Played<'a> = &'a mut dyn FnMut(usize, Game) -> Result<(), CallError>;
 
 /// Plays games on a pool.
 pub struct PoolGames {
@@ -40,7 +40,7 @@ impl PoolGames {
         network: Option<&Model>,
         due: &[Due],
         done: Played<'_>,
-    ) -> Result<Vec<String>, String> {
+    ) -> Result<Vec<String>, CallError> {
         let round = Round::new(network, due, self.threads)?;
         let mut doubtful = BTreeSet::new();
         let mut left: Vec<usize> = (0..due.len()).collect();
@@ -48,7 +48,7 @@ impl PoolGames {
             let calls: Vec<Call> = left.iter().map(|place| round.calls[*place].clone()).collect();
             let keys: Vec<Hash> = calls.iter().map(|call| pool.key(call)).collect();
             pool.call_each(&calls, &Asking { round: &round, places: &left }, |at, answer| {
-                done(left[at], Game::from_bytes(answer).map_err(|e| e.to_string())?)
+                done(left[at], Game::from_bytes(answer).map_err(CallError::of)?)
             })?;
             self.played.extend(keys.iter().zip(&left).map(|(key, place)| (*key, due[*place].name.clone())));
             let tainted = pool.take_tainted();
@@ -70,8 +70,8 @@ struct Round<'a> {
 }
 
 impl<'a> Round<'a> {
-    fn new(network: Option<&'a Model>, due: &'a [Due], threads: NonZeroUsize) -> Result<Self, String> {
-        let model_file = network.map(Model::to_safetensors).transpose().map_err(|e| e.to_string())?;
+    fn new(network: Option<&'a Model>, due: &'a [Due], threads: NonZeroUsize) -> Result<Self, CallError> {
+        let model_file = network.map(Model::to_safetensors).transpose().map_err(CallError::of)?;
         let model_file = model_file.map(|bytes| (Hash::of(&bytes), bytes));
         let (mut case_files, mut names) = (BTreeMap::new(), BTreeMap::new());
         let mut calls = Vec::new();
@@ -95,8 +95,8 @@ impl<'a> Round<'a> {
     }
 }
 
-fn case_file(path: &Path) -> Result<(Hash, MappedFile), String> {
-    let file = MappedFile::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
+fn case_file(path: &Path) -> Result<(Hash, MappedFile), CallError> {
+    let file = MappedFile::open(path).map_err(|error| CallError::File { path: path.to_owned(), error })?;
     Ok((Hash::of(file.bytes()), file))
 }
 
@@ -113,18 +113,22 @@ impl Home for Asking<'_> {
         model.or_else(|| self.round.case_files.get(hash).map(MappedFile::bytes))
     }
 
-    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String> {
-        let game = Game::from_bytes(answer).map_err(|e| e.to_string())?;
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError> {
+        let game = Game::from_bytes(answer).map_err(CallError::of)?;
         let network = self.round.model_file.as_ref().map(|(hash, _)| hash.to_string());
         match game.is_of(&self.round.due[self.places[call]], network.as_deref()) {
             true => Ok(()),
-            false => Err("it is another game".to_owned()),
+            false => Err(CallError::OtherGame),
         }
     }
 
-    fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
+    fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
         let Due { name, patient, seed, rules } = &self.round.due[self.places[call]];
         let game = play(self.round.network, patient, *seed, *rules, self.round.threads);
-        game.and_then(|game| game.to_bytes()).map_err(|e| format!("{name}, {}: {e}", patient.name()))
+        game.and_then(|game| game.to_bytes()).map_err(|e| CallError::Game {
+            name: name.clone(),
+            patient: patient.name(),
+            error: e.into(),
+        })
     }
 }

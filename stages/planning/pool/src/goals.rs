@@ -3,6 +3,7 @@
 
 use stillpoint_plan::fluence::{Goals, Modulation, StructureObjectives};
 
+use crate::CallError;
 use crate::message::LONGEST_CONTENT;
 use crate::wire::{Format, WireError, at_most};
 
@@ -20,9 +21,9 @@ pub fn to_bytes(goals: &Goals) -> Vec<u8> {
 ///
 /// # Errors
 /// The bytes are no goals, or they belong to other matrices.
-pub fn from_bytes(bytes: &[u8], rows: usize) -> Result<Goals, String> {
-    let (structures, modulation) = read(bytes, rows).map_err(|e| format!("the goals cannot be read: {e}"))?;
-    Goals::new(structures, rows).and_then(|goals| goals.modulated(modulation)).map_err(|e| e.to_string())
+pub fn from_bytes(bytes: &[u8], rows: usize) -> Result<Goals, CallError> {
+    let (structures, modulation) = read(bytes, rows).map_err(CallError::Goals)?;
+    Goals::new(structures, rows).and_then(|goals| goals.modulated(modulation)).map_err(CallError::of)
 }
 
 fn read(bytes: &[u8], rows: usize) -> Result<(Vec<StructureObjectives>, Option<Modulation>), WireError> {

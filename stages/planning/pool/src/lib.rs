@@ -13,7 +13,7 @@
 //! - `store`: contents on disk; `opened`: contents in memory
 //! - `worker`, `client`: the two sides as state machines; `roster`: the workers that a client knows
 //! - `courier`: who carries messages; [`topic`]: messages as samples; [`pipe`]: messages over the pipes of a child process
-//! - `pool`: a client behind a courier
+//! - `pool`: a client behind a courier; `error`: why a call has no answer
 //! - `setup`: what a search stands on, with the names of its contents
 //! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
 //! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules on the wire
@@ -27,6 +27,7 @@ mod client;
 mod compute;
 mod courier;
 mod doses;
+mod error;
 mod fetch;
 mod game;
 mod games;
@@ -45,12 +46,13 @@ pub mod topic;
 mod wire;
 mod worker;
 
-pub use build::Build;
+pub use build::{Build, BuildError};
 pub use call::{BeamDoses, Call, Kind, MOST_BYTES};
 pub use client::{Client, ClientSettings, Event, Inside, Tally};
 pub use compute::Ready;
-pub use courier::{Arrival, Courier, To};
+pub use courier::{Arrival, Courier, CourierError, To};
 pub use doses::PoolDoses;
+pub use error::CallError;
 pub use games::{Played, PoolGames};
 pub use hash::Hash;
 pub use later::{LaterSolver, Requested};
@@ -59,6 +61,6 @@ pub use pool::{Home, Pool};
 pub use roster::WorkerState;
 pub use setup::{DoseFiles, Names, PoolSetup};
 pub use solver::PoolSolver;
-pub use store::Store;
+pub use store::{Store, StoreError};
 pub use wire::WireError;
 pub use worker::{Job, Worker, WorkerSettings};

@@ -9,7 +9,7 @@ use stillpoint_plan::dose::{BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
 use crate::call::BeamDoses;
-use crate::{Call, Hash, Ready, Store, answer, goals};
+use crate::{Call, CallError, Hash, Ready, Store, answer, goals};
 
 /// Arguments that calls share, so that each is read once. The one used longest ago goes first.
 pub struct Opened {
@@ -38,22 +38,20 @@ impl Opened {
     ///
     /// # Errors
     /// An argument is not what the call takes it for.
-    pub fn ready(&mut self, store: &mut Store, call: Call) -> Result<Ready, String> {
+    pub fn ready(&mut self, store: &mut Store, call: Call) -> Result<Ready, CallError> {
         match call {
             Call::Dose { engine, gantry_deg } => {
                 let found = self.item(store, &engine, |bytes, _| {
-                    DoseEngine::from_bytes(bytes)
-                        .map(|e| Item::Engine(Arc::new(e)))
-                        .map_err(|e| e.to_string())
+                    DoseEngine::from_bytes(bytes).map(|e| Item::Engine(Arc::new(e))).map_err(CallError::of)
                 })?;
-                let Item::Engine(engine) = found else { return Err(another(&engine)) };
+                let Item::Engine(engine) = found else { return Err(CallError::Argument(engine)) };
                 Ok(Ready::Dose { engine, gantry_deg })
             }
             Call::Solve { goals, beams, start, tolerance } => {
                 let beams = self.doses(store, &beams)?;
                 let bixels: usize = beams.iter().map(|setups| setups[0].dose().columns).sum();
                 if start.as_ref().is_some_and(|start| start.len() != bixels) {
-                    return Err(format!("the weights to begin with are not those of {bixels} bixels"));
+                    return Err(CallError::Weights(bixels));
                 }
                 Ok(Ready::Solve { goals: self.goals(store, &goals, &beams)?, beams, start, tolerance })
             }
@@ -62,14 +60,14 @@ impl Opened {
                 let goals = self.goals(store, &goals, &candidates)?;
                 let voxels = goals.voxels().len();
                 let plan = |bytes: &[u8], _: &Store| {
-                    let plan = answer::plan(bytes, None, voxels).map_err(|e| e.to_string())?;
+                    let plan = answer::plan(bytes, None, voxels).map_err(CallError::of)?;
                     Ok(Item::Plan(Arc::new(plan)))
                 };
                 let base = match base {
                     None => None,
                     Some(hash) => match self.item(store, &hash, plan)? {
                         Item::Plan(plan) if plan.pull.len() == voxels => Some(plan),
-                        _ => return Err(another(&hash)),
+                        _ => return Err(CallError::Argument(hash)),
                     },
                 };
                 Ok(Ready::Price { goals, base, candidates })
@@ -78,30 +76,32 @@ impl Opened {
                 let network = network.map(|hash| self.network(store, &hash)).transpose()?;
                 // A case is used once or twice, and is ten times larger than its file: it is not kept.
                 let case = |hash: Hash| {
-                    case::from_bytes(store.read(&hash)?.bytes()).map(Box::new).map_err(|e| e.to_string())
+                    case::from_bytes(store.read(&hash)?.bytes()).map(Box::new).map_err(CallError::of)
                 };
                 Ok(Ready::Game { network, case: case_hash.map(case).transpose()?, patient, seed, rules })
             }
         }
     }
 
-    fn network(&mut self, store: &mut Store, hash: &Hash) -> Result<Arc<Model>, String> {
+    fn network(&mut self, store: &mut Store, hash: &Hash) -> Result<Arc<Model>, CallError> {
         let found = self.item(store, hash, |bytes, _| {
-            let model = Model::from_safetensors(bytes).map_err(|e| e.to_string())?;
+            let model = Model::from_safetensors(bytes).map_err(CallError::of)?;
             Ok(Item::Network(Arc::new(model)))
         })?;
-        let Item::Network(model) = found else { return Err(another(hash)) };
+        let Item::Network(model) = found else { return Err(CallError::Argument(*hash)) };
         Ok(model)
     }
 
-    fn doses(&mut self, store: &mut Store, beams: &[BeamDoses]) -> Result<Vec<Vec<Arc<BeamFile>>>, String> {
+    fn doses(
+        &mut self,
+        store: &mut Store,
+        beams: &[BeamDoses],
+    ) -> Result<Vec<Vec<Arc<BeamFile>>>, CallError> {
         let mut of = |hash: &Hash| {
             let found = self.item(store, hash, |_, store| {
-                BeamFile::open_any(&store.path(hash))
-                    .map(|f| Item::Dose(Arc::new(f)))
-                    .map_err(|e| e.to_string())
+                BeamFile::open_any(&store.path(hash)).map(|f| Item::Dose(Arc::new(f))).map_err(CallError::of)
             })?;
-            let Item::Dose(dose) = found else { return Err(another(hash)) };
+            let Item::Dose(dose) = found else { return Err(CallError::Argument(*hash)) };
             Ok(dose)
         };
         beams.iter().map(|setups| setups.iter().map(&mut of).collect()).collect()
@@ -113,13 +113,13 @@ impl Opened {
         store: &mut Store,
         hash: &Hash,
         beams: &[Vec<Arc<BeamFile>>],
-    ) -> Result<Arc<Goals>, String> {
+    ) -> Result<Arc<Goals>, CallError> {
         let rows = beams.first().map_or(0, |setups| setups.iter().map(|dose| dose.dose().rows()).sum());
         let found =
             self.item(store, hash, |bytes, _| Ok(Item::Goals(Arc::new(goals::from_bytes(bytes, rows)?))))?;
         match found {
             Item::Goals(goals) if goals.rows() == rows => Ok(goals),
-            _ => Err(another(hash)),
+            _ => Err(CallError::Argument(*hash)),
         }
     }
 
@@ -127,8 +127,8 @@ impl Opened {
         &mut self,
         store: &mut Store,
         hash: &Hash,
-        open: impl FnOnce(&[u8], &Store) -> Result<Item, String>,
-    ) -> Result<Item, String> {
+        open: impl FnOnce(&[u8], &Store) -> Result<Item, CallError>,
+    ) -> Result<Item, CallError> {
         self.uses += 1;
         let used = self.uses;
         if let Some((last, _, item)) = self.items.get_mut(hash) {
@@ -151,8 +151,4 @@ impl Opened {
         }
         Ok(item)
     }
-}
-
-fn another(hash: &Hash) -> String {
-    format!("{hash:.16} is an argument of another kind than the call takes it for")
 }

@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
-use crate::{Arrival, Courier, To};
+use crate::{Arrival, Courier, CourierError, To};
 
 /// The longest frame, bytes.
 pub const LONGEST: usize = 8 << 20;
@@ -112,17 +112,13 @@ impl Courier for ChildCourier {
         }
     }
 
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String> {
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError> {
         let wait = Duration::from_nanos(until.saturating_sub(self.now()));
         match self.arrivals.recv_timeout(wait) {
             Ok(Ok(arrival)) => Ok(Some(arrival)),
-            Ok(Err(e)) => {
-                Err(format!("the process that carries messages to the pool sends what is not a message: {e}"))
-            }
+            Ok(Err(e)) => Err(CourierError::NotAMessage(e)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => {
-                Err("the process that carries messages to the pool has ended".to_owned())
-            }
+            Err(RecvTimeoutError::Disconnected) => Err(CourierError::Ended),
         }
     }
 }

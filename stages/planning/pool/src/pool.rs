@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::client::{Client, ClientSettings, Event, Inside, Tally};
-use crate::{Call, Courier, Hash, WorkerState};
+use crate::{Call, CallError, Courier, Hash, WorkerState};
 
 /// Longest time between two looks at the clock, ns.
 const TICK: u64 = 20_000_000;
 
 /// Takes the answer of a call, by its place in the list of calls.
-type Taker<'t> = dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String> + 't;
+type Taker<'t> = dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError> + 't;
 
 /// What the asking process can do itself.
 pub trait Home {
@@ -21,13 +21,13 @@ pub trait Home {
     ///
     /// # Errors
     /// What is wrong with it.
-    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String>;
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError>;
 
     /// Computes a call, by its place in the list.
     ///
     /// # Errors
     /// The call has no answer.
-    fn compute(&self, call: usize) -> Result<Vec<u8>, String>;
+    fn compute(&self, call: usize) -> Result<Vec<u8>, CallError>;
 }
 
 /// A pool of workers behind a courier. With no worker at all, this process computes after a time of patience.
@@ -50,7 +50,7 @@ impl Inside for Keyed<'_> {
         self.home.content(hash)
     }
 
-    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String> {
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), CallError> {
         self.places.get(key).map_or(Ok(()), |place| self.home.check(*place, answer))
     }
 }
@@ -101,13 +101,13 @@ impl<C: Courier> Pool<C> {
     ///
     /// # Errors
     /// A call has no answer, neither there nor here.
-    pub fn call_all(&mut self, calls: &[Call], home: &dyn Home) -> Result<Vec<Arc<Vec<u8>>>, String> {
+    pub fn call_all(&mut self, calls: &[Call], home: &dyn Home) -> Result<Vec<Arc<Vec<u8>>>, CallError> {
         let mut answers: Vec<Option<Arc<Vec<u8>>>> = vec![None; calls.len()];
         self.call_each(calls, home, |place, answer| {
             answers[place] = Some(answer.clone());
             Ok(())
         })?;
-        answers.into_iter().map(|answer| answer.ok_or_else(|| "a call has no answer".to_owned())).collect()
+        answers.into_iter().map(|answer| answer.ok_or(CallError::NoAnswer)).collect()
     }
 
     /// Hands out the answer of each call as soon as it is there, in any order.
@@ -118,15 +118,15 @@ impl<C: Courier> Pool<C> {
         &mut self,
         calls: &[Call],
         home: &dyn Home,
-        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String>,
-    ) -> Result<(), String> {
+        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
         let result = self.answers(calls, home, &mut take);
         self.client.cancel_all();
         self.send();
         result
     }
 
-    fn answers(&mut self, calls: &[Call], home: &dyn Home, take: &mut Taker<'_>) -> Result<(), String> {
+    fn answers(&mut self, calls: &[Call], home: &dyn Home, take: &mut Taker<'_>) -> Result<(), CallError> {
         let mut keyed = Keyed { home, places: BTreeMap::new() };
         let now = self.courier.now();
         let mut twins: BTreeMap<Hash, Vec<usize>> = BTreeMap::new();
@@ -163,7 +163,7 @@ impl<C: Courier> Pool<C> {
     }
 
     /// Takes what arrives within `wait`, and all that has arrived.
-    fn listen(&mut self, inside: &Keyed<'_>, wait: u64) -> Result<(), String> {
+    fn listen(&mut self, inside: &Keyed<'_>, wait: u64) -> Result<(), CallError> {
         let mut until = self.courier.now().saturating_add(wait);
         while let Some(arrival) = self.courier.receive(until)? {
             let now = self.courier.now();

@@ -12,7 +12,7 @@ use stillpoint_plan::dose::BeamFile;
 use stillpoint_plan::fluence::Goals;
 
 use crate::call::BeamDoses;
-use crate::{Call, Hash, answer, goals};
+use crate::{Call, CallError, Hash, answer, goals};
 
 /// Candidates of one call.
 const SHARD: usize = 8;
@@ -141,11 +141,11 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
         &self,
         sets: &[&BeamSet],
         answers: &[B],
-    ) -> Result<Vec<Evaluated>, String> {
+    ) -> Result<Vec<Evaluated>, CallError> {
         let one = |(set, bytes): (&&BeamSet, &B)| {
             let columns = self.columns(set.beams());
             let plan = answer::plan(bytes.as_ref(), Some(columns.iter().sum()), self.goals.voxels().len());
-            plan.map(|plan| Evaluated::new(set, &columns, plan)).map_err(|e| e.to_string())
+            plan.map(|plan| Evaluated::new(set, &columns, plan)).map_err(CallError::of)
         };
         sets.iter().zip(answers).map(one).collect()
     }
@@ -154,24 +154,24 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn check(&self, call: &Call, bytes: &[u8]) -> Result<(), String> {
+    pub fn check(&self, call: &Call, bytes: &[u8]) -> Result<(), CallError> {
         match call {
             Call::Solve { beams, .. } => {
                 let bixels = self.columns(&self.beams_of(beams)?).iter().sum();
                 answer::plan(bytes, Some(bixels), self.goals.voxels().len()).map(drop)
             }
             Call::Price { candidates, .. } => answer::prices(bytes, candidates.len()).map(drop),
-            Call::Dose { .. } | Call::Game { .. } => return Err(none_of_a_search(call)),
+            Call::Dose { .. } | Call::Game { .. } => return Err(CallError::NotOfSearch(call.kind())),
         }
-        .map_err(|e| e.to_string())
+        .map_err(CallError::of)
     }
 
     /// The answer of a solve or a price, computed by this process. `plan` is the content that a price names.
     ///
     /// # Errors
     /// The call is none of this ground.
-    pub fn compute(&self, call: &Call, plan: Option<&[u8]>) -> Result<Vec<u8>, String> {
-        let matrices = |beams: &[BeamDoses]| -> Result<Vec<Setups<'_>>, String> {
+    pub fn compute(&self, call: &Call, plan: Option<&[u8]>) -> Result<Vec<u8>, CallError> {
+        let matrices = |beams: &[BeamDoses]| -> Result<Vec<Setups<'_>>, CallError> {
             Ok(self.beams_of(beams)?.iter().map(|beam| self.doses.beam(*beam)).collect())
         };
         match call {
@@ -183,23 +183,20 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
                     *tolerance,
                     NonZeroUsize::MIN,
                 );
-                Ok(answer::of_plan(&plan.map_err(|e| e.to_string())?))
+                Ok(answer::of_plan(&plan.map_err(CallError::of)?))
             }
             Call::Price { base, candidates, .. } => {
                 let plan = match base {
                     Some(hash) => {
-                        let bytes = plan.ok_or_else(|| format!("the plan {hash:.16} is not here"))?;
-                        Some(
-                            answer::plan(bytes, None, self.goals.voxels().len())
-                                .map_err(|e| e.to_string())?,
-                        )
+                        let bytes = plan.ok_or(CallError::NoPlan(*hash))?;
+                        Some(answer::plan(bytes, None, self.goals.voxels().len()).map_err(CallError::of)?)
                     }
                     None => None,
                 };
                 let prices = price_beams(self.goals, plan.as_ref(), &matrices(candidates)?);
-                Ok(answer::of_prices(&prices.map_err(|e| e.to_string())?))
+                Ok(answer::of_prices(&prices.map_err(CallError::of)?))
             }
-            Call::Dose { .. } | Call::Game { .. } => Err(none_of_a_search(call)),
+            Call::Dose { .. } | Call::Game { .. } => Err(CallError::NotOfSearch(call.kind())),
         }
     }
 
@@ -208,10 +205,10 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
         beams.iter().map(names).collect()
     }
 
-    fn beams_of(&self, doses: &[BeamDoses]) -> Result<Vec<u16>, String> {
+    fn beams_of(&self, doses: &[BeamDoses]) -> Result<Vec<u16>, CallError> {
         let beam = |of_beam: &BeamDoses| {
             let place = of_beam.first().and_then(|first| self.names.places.get(first));
-            place.map(|(beam, _)| *beam).ok_or_else(|| "a dose is not here".to_owned())
+            place.map(|(beam, _)| *beam).ok_or(CallError::NoDose)
         };
         doses.iter().map(beam).collect()
     }
@@ -219,8 +216,4 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
     fn columns(&self, beams: &[u16]) -> Vec<usize> {
         beams.iter().map(|beam| self.doses.beam(*beam).columns()).collect()
     }
-}
-
-fn none_of_a_search(call: &Call) -> String {
-    format!("a {} is not a call of a search", call.kind().word())
 }

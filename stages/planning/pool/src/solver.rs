@@ -3,7 +3,7 @@
 use stillpoint_plan::beams::{BeamSet, Evaluated, RingDoses, Solver, Stop};
 
 use crate::setup::DoseFiles;
-use crate::{Call, Courier, Hash, Home, Pool, PoolSetup, answer};
+use crate::{Call, CallError, Courier, Hash, Home, Pool, PoolSetup, answer};
 
 /// Solves and prices on a pool.
 pub struct PoolSolver<'a, C: Courier, I: DoseFiles + ?Sized = RingDoses> {
@@ -45,7 +45,7 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
         });
         // This process finds the same fault of the problem, or goes on without the pool.
         solved.or_else(|reason| {
-            self.broken = Some(reason);
+            self.broken = Some(reason.to_string());
             setup.local().solve(sets, near, tolerance)
         })
     }
@@ -61,12 +61,12 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
             let mut prices = Vec::new();
             for (call, bytes) in calls.iter().zip(answers) {
                 let Call::Price { candidates, .. } = call else { continue };
-                prices.extend(answer::prices(&bytes, candidates.len()).map_err(|e| e.to_string())?);
+                prices.extend(answer::prices(&bytes, candidates.len())?);
             }
             Ok(prices)
         });
         prices.or_else(|reason| {
-            self.broken = Some(reason);
+            self.broken = Some(reason.to_string());
             setup.local().price(base, candidates)
         })
     }
@@ -85,11 +85,11 @@ impl<I: DoseFiles + ?Sized> Home for Asking<'_, I> {
         plan.or_else(|| self.setup.content(hash))
     }
 
-    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String> {
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError> {
         self.setup.check(&self.calls[call], answer)
     }
 
-    fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
+    fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
         self.setup.compute(&self.calls[call], self.plan.map(|(_, bytes)| bytes.as_slice()))
     }
 }

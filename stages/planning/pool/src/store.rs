@@ -10,6 +10,47 @@ use stillpoint_map::{MappedFile, publish_derived};
 
 use crate::Hash;
 
+/// Why a content is not put into a store or read from it.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The folder cannot be made or read.
+    #[error("the cache {}: {error}; give another folder", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system answered.
+        error: std::io::Error,
+    },
+    /// A file cannot be written.
+    #[error("the cache cannot write {}: {error}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system answered.
+        error: std::io::Error,
+    },
+    /// There is no room.
+    #[error(
+        "the arguments of a call do not fit into the cache of {} MB; allow more with --cache",
+        most / 1_000_000
+    )]
+    Full {
+        /// The most bytes that it holds.
+        most: u64,
+    },
+    /// The content is not there.
+    #[error("the cache does not hold {0:.16}")]
+    Missing(Hash),
+    /// The content cannot be read.
+    #[error("the cache cannot read {hash:.16}: {error}")]
+    Read {
+        /// The content.
+        hash: Hash,
+        /// What the system answered.
+        error: std::io::Error,
+    },
+}
+
 /// A folder of files, each named by the SHA-256 of its bytes. The one used longest ago goes first.
 pub struct Store {
     folder: PathBuf,
@@ -32,8 +73,8 @@ impl Store {
     ///
     /// # Errors
     /// The folder cannot be made or read.
-    pub fn open(folder: &Path, most: u64) -> Result<Self, String> {
-        let fault = |e: std::io::Error| format!("the cache {}: {e}; give another folder", folder.display());
+    pub fn open(folder: &Path, most: u64) -> Result<Self, StoreError> {
+        let fault = |error| StoreError::Folder { folder: folder.to_owned(), error };
         std::fs::create_dir_all(folder).map_err(fault)?;
         let mut store = Self { folder: folder.to_owned(), most, held: BTreeMap::new(), bytes: 0, uses: 0 };
         for entry in std::fs::read_dir(folder).map_err(fault)?.flatten() {
@@ -80,7 +121,7 @@ impl Store {
     ///
     /// # Errors
     /// The file cannot be written, or there is no room beside `keep`.
-    pub fn put(&mut self, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<Hash, String> {
+    pub fn put(&mut self, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<Hash, StoreError> {
         let hash = Hash::of(bytes);
         self.put_named(hash, bytes, keep).map(|()| hash)
     }
@@ -89,14 +130,14 @@ impl Store {
     ///
     /// # Errors
     /// As [`put`](Self::put).
-    pub fn put_named(&mut self, hash: Hash, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<(), String> {
+    pub fn put_named(&mut self, hash: Hash, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<(), StoreError> {
         if self.holds(&hash) {
             return Ok(());
         }
         let path = self.path(&hash);
         // A later process compares the file with its name before it uses it.
         publish_derived(&path, |file| file.write_all(bytes))
-            .map_err(|e| format!("the cache cannot write {}: {e}", path.display()))?;
+            .map_err(|error| StoreError::Write { path, error })?;
         self.uses += 1;
         let length = bytes.len() as u64;
         self.held.insert(hash, Held { length, used: self.uses, checked: true });
@@ -106,10 +147,7 @@ impl Store {
         self.make_room(&keep);
         if self.bytes > self.most {
             self.remove(&hash);
-            return Err(format!(
-                "the arguments of a call do not fit into the cache of {} MB; allow more with --cache",
-                self.most / 1_000_000
-            ));
+            return Err(StoreError::Full { most: self.most });
         }
         Ok(())
     }
@@ -123,11 +161,11 @@ impl Store {
     ///
     /// # Errors
     /// It is not there.
-    pub fn read(&mut self, hash: &Hash) -> Result<MappedFile, String> {
+    pub fn read(&mut self, hash: &Hash) -> Result<MappedFile, StoreError> {
         if !self.holds(hash) {
-            return Err(format!("the cache does not hold {hash:.16}"));
+            return Err(StoreError::Missing(*hash));
         }
-        MappedFile::open(&self.path(hash)).map_err(|e| format!("the cache cannot read {hash:.16}: {e}"))
+        MappedFile::open(&self.path(hash)).map_err(|error| StoreError::Read { hash: *hash, error })
     }
 
     /// Length of a content, and its bytes from `start`, at most `most` of them.
@@ -176,7 +214,7 @@ mod tests {
         store.put(&[4; 10], &none).unwrap();
         assert!(store.holds(&a) && !store.holds(&b));
         assert_eq!(store.size(), (30, 30));
-        let refused = store.put(&[5; 25], &BTreeSet::from([a])).unwrap_err();
+        let refused = store.put(&[5; 25], &BTreeSet::from([a])).unwrap_err().to_string();
         assert!(refused.contains("do not fit"), "{refused}");
         assert!(store.holds(&a) && store.size().0 <= 30);
     }

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use stillpoint_plan::fluence::{Goals, ObjectiveSpec, StructureObjectives};
 use stillpoint_pool::{
-    Call, Client, ClientSettings, Hash, Inside, Message, Store, WireError, Worker, WorkerSettings, answer,
-    goals,
+    Call, CallError, Client, ClientSettings, Hash, Inside, Message, Store, WireError, Worker, WorkerSettings,
+    answer, goals,
 };
 
 use crate::simulated::build;
@@ -18,7 +18,7 @@ impl Inside for Nothing {
         None
     }
 
-    fn check(&self, _: &Hash, _: &[u8]) -> Result<(), String> {
+    fn check(&self, _: &Hash, _: &[u8]) -> Result<(), CallError> {
         Ok(())
     }
 }

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_pool::{Arrival, Build, Courier, Hash, Message, Store, To, Worker, WorkerSettings};
+use stillpoint_pool::{
+    Arrival, Build, CallError, Courier, CourierError, Hash, Message, Store, To, Worker, WorkerSettings,
+};
 
 pub const MS: u64 = 1_000_000;
 const TICK: u64 = 50 * MS;
@@ -62,7 +64,7 @@ struct Actor {
     part: Part,
     worker: Option<Worker>,
     folder: tempfile::TempDir,
-    running: Vec<(u64, Hash, Result<Vec<u8>, String>)>,
+    running: Vec<(u64, Hash, Result<Vec<u8>, CallError>)>,
     lives: u64,
     jobs_of_life: usize,
     jobs: usize,
@@ -233,7 +235,7 @@ impl Courier for Simulated {
         }
     }
 
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String> {
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError> {
         // A look at what has arrived takes time, too: nothing stands still.
         let until = until.max(self.now + 1000);
         loop {

@@ -3,17 +3,28 @@
 /// The most characters of a file or a message that an error quotes.
 pub const MOST_QUOTED: usize = 60;
 
+/// Bytes behind the last record of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the header says {expected} {items}, and {bytes} bytes of data follow the last one: correct the header"
+)]
+pub struct Surplus {
+    /// What the header counts.
+    pub items: &'static str,
+    /// How many the header says.
+    pub expected: usize,
+    /// Bytes behind the last.
+    pub bytes: usize,
+}
+
 /// Refuses bytes behind the last record of a file, other than padding by zeros or white space.
 ///
 /// # Errors
 /// How many bytes there are.
-pub fn surplus(rest: &[u8], expected: usize) -> Result<(), String> {
+pub fn surplus(rest: &[u8], expected: usize) -> Result<(), Surplus> {
     match rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
         true => Ok(()),
-        false => Err(format!(
-            "the header says {expected} records, and {} bytes of data follow the last one: correct the header",
-            rest.len()
-        )),
+        false => Err(Surplus { items: "records", expected, bytes: rest.len() }),
     }
 }
 

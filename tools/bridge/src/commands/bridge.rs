@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use stillpoint_pipeline::live::bridge::bridge_main;
+use stillpoint_pipeline::live::bridge::{Network, bridge_main};
 
 use crate::network::Zenoh;
 
@@ -19,6 +19,6 @@ pub struct Bridge {
 impl Bridge {
     /// Executes the subcommand.
     pub fn execute(self) -> ExitCode {
-        bridge_main(|settings| Ok(Box::new(Zenoh::open(settings)?)))
+        bridge_main(|settings| Zenoh::open(settings).map(|zenoh| Box::new(zenoh) as Box<dyn Network>))
     }
 }

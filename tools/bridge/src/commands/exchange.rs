@@ -8,6 +8,8 @@ use std::time::Duration;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use stillpoint_remote::{Mailbox, RemoteError, Tls};
 
+use crate::error::BridgeError;
+
 /// First part of all keys.
 pub const PREFIX: &str = "stillpoint";
 
@@ -17,10 +19,10 @@ pub struct Ending(Arc<AtomicBool>);
 
 impl Ending {
     /// From now on.
-    pub fn watch() -> Result<Self, String> {
+    pub fn watch() -> Result<Self, BridgeError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, flag.clone()).map_err(|e| e.to_string())?;
+            signal_hook::flag::register(signal, flag.clone())?;
         }
         Ok(Self(flag))
     }
@@ -37,7 +39,7 @@ pub fn open(
     endpoint: &str,
     tls: Option<Arc<Tls>>,
     is_time: impl Fn() -> bool,
-) -> Result<Option<Mailbox>, String> {
+) -> Result<Option<Mailbox>, BridgeError> {
     let mut reported = None;
     while !is_time() {
         match Mailbox::open(PREFIX, name, endpoint, tls.clone()) {
@@ -49,14 +51,14 @@ pub fn open(
                 reported = Some(e);
                 std::thread::sleep(Duration::from_millis(200));
             }
-            Err(e) => return Err(e.to_string()),
+            Err(e) => return Err(e.into()),
         }
     }
     Ok(None)
 }
 
 /// The exit code of a subcommand; the reason of a failure goes to standard error.
-pub fn ended(result: Result<(), String>) -> ExitCode {
+pub fn ended(result: Result<(), BridgeError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {

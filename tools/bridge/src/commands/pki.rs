@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use stillpoint_arguments::{Pki, PkiTask, RoleName};
 use stillpoint_remote::{Authority, Role, Tls, TlsFiles};
 
+use crate::error::BridgeError;
 use super::exchange::ended;
 
 fn role_of(name: RoleName) -> Role {
@@ -22,27 +23,23 @@ pub fn execute(arguments: Pki) -> ExitCode {
     ended(try_execute(arguments))
 }
 
-fn try_execute(arguments: Pki) -> Result<(), String> {
-    let text = |e: stillpoint_remote::PkiError| e.to_string();
+fn try_execute(arguments: Pki) -> Result<(), BridgeError> {
     match arguments.task {
         PkiTask::Authority { folder, days } => {
-            Authority::create(&folder, days).map_err(text)?;
+            Authority::create(&folder, days)?;
             println!("{}: valid for {days} days", folder.join("authority.pem").display());
         }
         PkiTask::Certificate { folder, role, name, address, days, replace } => {
             let role = role_of(role);
             let name = name.unwrap_or_else(|| role.name().to_owned());
-            let issued = Authority::open(&folder)
-                .map_err(text)?
-                .issue(role, &name, &address, days, replace)
-                .map_err(text)?;
+            let issued = Authority::open(&folder)?.issue(role, &name, &address, days, replace)?;
             println!("{}: role {}, valid for {days} days", issued.certificate.display(), role.name());
             println!("{}: keep it on the machine of its owner", issued.key.display());
         }
         PkiTask::Show { certificate, key, authority } => {
             let key = key.unwrap_or_else(|| certificate.with_extension("key"));
             let authority = authority.unwrap_or_else(|| certificate.with_file_name("authority.pem"));
-            let tls = Tls::load(&TlsFiles { certificate, key, authority }).map_err(|e| e.to_string())?;
+            let tls = Tls::load(&TlsFiles { certificate, key, authority })?;
             let (role, name) = (tls.role().name(), tls.name());
             println!("role {role}, name {name}, expires on {} (in {} days)", tls.until(), tls.days_left());
         }

@@ -10,6 +10,7 @@ use stillpoint_arguments::TlsArgs;
 use stillpoint_pool::pipe::{read_frame, write_frame};
 use stillpoint_remote::{Mailbox, Tls};
 
+use crate::error::BridgeError;
 use super::exchange::{ended, open};
 use super::tls::{Use, allow, load};
 
@@ -29,8 +30,8 @@ impl PlanClient {
         ended(self.try_execute())
     }
 
-    fn try_execute(self) -> Result<(), String> {
-        let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos();
+    fn try_execute(self) -> Result<(), BridgeError> {
+        let born = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos();
         let name = format!("plan-{}-{born:x}", std::process::id());
         let tls = load(&self.tls)?;
         allow(tls.as_deref(), &Use::Ask)?;
@@ -54,7 +55,7 @@ impl PlanClient {
 }
 
 /// Hands on what arrives, until the asking process has ended.
-fn carry(name: &str, endpoint: &str, tls: Option<Arc<Tls>>, place: &OnceLock<Mailbox>) -> Result<(), String> {
+fn carry(name: &str, endpoint: &str, tls: Option<Arc<Tls>>, place: &OnceLock<Mailbox>) -> Result<(), BridgeError> {
     let Some(opened) = open(name, endpoint, tls, || false)? else { return Ok(()) };
     let mailbox = place.get_or_init(|| opened);
     let mut output = stdout().lock();

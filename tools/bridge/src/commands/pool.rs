@@ -8,6 +8,7 @@ use stillpoint_arguments::Pool;
 use stillpoint_pool::{Build, Hello, Message};
 use stillpoint_remote::Mailbox;
 
+use crate::error::BridgeError;
 use super::exchange::{PREFIX, ended};
 use super::tls::{Use, allow, load};
 
@@ -21,15 +22,15 @@ pub fn execute(arguments: &Pool) -> ExitCode {
     ended(try_execute(arguments))
 }
 
-fn try_execute(arguments: &Pool) -> Result<(), String> {
+fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
     if !(0.5..=3600.0).contains(&arguments.seconds) {
-        return Err(format!("--seconds {}: give 0.5 to 3600", arguments.seconds));
+        return Err(BridgeError::Seconds(arguments.seconds));
     }
     let build = Build::here()?;
     let tls = load(&arguments.tls)?;
     allow(tls.as_deref(), &Use::List)?;
     let name = format!("look-{}", std::process::id());
-    let mailbox = Mailbox::open(PREFIX, &name, &arguments.connect, tls).map_err(|e| e.to_string())?;
+    let mailbox = Mailbox::open(PREFIX, &name, &arguments.connect, tls)?;
     let until = Instant::now() + Duration::from_secs_f64(arguments.seconds);
     let mut workers: BTreeMap<String, Received> = BTreeMap::new();
     loop {
@@ -45,7 +46,8 @@ fn try_execute(arguments: &Pool) -> Result<(), String> {
         workers.entry(from).or_insert(first).last = (now, hello);
     }
     if workers.is_empty() {
-        return Err(format!("no worker greeted within {} s at {}", arguments.seconds, arguments.connect));
+        let (seconds, endpoint) = (arguments.seconds, arguments.connect.clone());
+        return Err(BridgeError::NoWorker { seconds, endpoint });
     }
     for (name, Received { first, last: (at, hello) }) in &workers {
         let seconds = at.duration_since(first.0).as_secs_f64();

@@ -7,6 +7,7 @@ use std::time::Duration;
 use stillpoint_arguments::Router;
 use stillpoint_remote::{Router as Session, Tls};
 
+use crate::error::BridgeError;
 use super::exchange::{Ending, PREFIX, ended};
 use super::tls::load;
 
@@ -18,7 +19,7 @@ pub fn execute(arguments: Router) -> ExitCode {
     ended(try_execute(arguments))
 }
 
-fn try_execute(arguments: Router) -> Result<(), String> {
+fn try_execute(arguments: Router) -> Result<(), BridgeError> {
     let ending = Ending::watch()?;
     Hub::open(arguments.listen, load(&arguments.tls)?)?.run(&ending);
     Ok(())
@@ -35,8 +36,8 @@ pub struct Hub {
 
 impl Hub {
     /// Listens.
-    pub fn open(listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, String> {
-        let router = Session::open(PREFIX, listen.clone(), tls.clone()).map_err(|e| e.to_string())?;
+    pub fn open(listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, BridgeError> {
+        let router = Session::open(PREFIX, listen.clone(), tls.clone())?;
         eprintln!("stillpoint-bridge: the router listens at {}", listen.join(", "));
         Ok(Self { router, listen, tls, reported: None })
     }
@@ -54,7 +55,7 @@ impl Hub {
                         return;
                     }
                     // The next look tries again.
-                    Err(e) => e,
+                    Err(e) => e.to_string(),
                 }
             }
             Some(Err(e)) => format!("the new certificate is not used: {e}"),

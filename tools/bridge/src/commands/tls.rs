@@ -5,14 +5,16 @@ use std::sync::Arc;
 use stillpoint_arguments::TlsArgs;
 use stillpoint_remote::{Role, Tls, TlsFiles};
 
+use crate::error::BridgeError;
+
 /// The certificate, read and checked; none if none is given.
-pub fn load(arguments: &TlsArgs) -> Result<Option<Arc<Tls>>, String> {
+pub fn load(arguments: &TlsArgs) -> Result<Option<Arc<Tls>>, BridgeError> {
     let TlsArgs { certificate: Some(certificate), key: Some(key), authority: Some(authority) } =
         arguments.clone()
     else {
         return Ok(None);
     };
-    let tls = Tls::load(&TlsFiles { certificate, key, authority }).map_err(|e| e.to_string())?;
+    let tls = Tls::load(&TlsFiles { certificate, key, authority })?;
     Ok(Some(Arc::new(tls)))
 }
 
@@ -27,9 +29,9 @@ pub enum Use {
 }
 
 /// Refuses a certificate whose role others would not let do this: their access lists discard without a message.
-pub fn allow(tls: Option<&Tls>, what: &Use) -> Result<(), String> {
+pub fn allow(tls: Option<&Tls>, what: &Use) -> Result<(), BridgeError> {
     let Some(role) = tls.map(Tls::role) else { return Ok(()) };
-    let (roles, text): (&[Role], &str) = match what {
+    let (roles, what): (&[Role], &'static str) = match what {
         Use::Ask => (&[Role::Bedside, Role::Cluster, Role::Router], "ask the planning pool"),
         Use::Compute => (&[Role::Worker, Role::Router], "compute calls of the planning pool"),
         Use::List => (&[Role::Bedside, Role::Cluster, Role::Viewer, Role::Router], "list workers"),
@@ -38,6 +40,5 @@ pub fn allow(tls: Option<&Tls>, what: &Use) -> Result<(), String> {
         return Ok(());
     }
     let names: Vec<String> = roles.iter().map(|role| format!("`{}`", role.name())).collect();
-    let names = names.join(", ");
-    Err(format!("the certificate has the role `{}`, which may not {text}: use one of {names}", role.name()))
+    Err(BridgeError::Role { role: role.name(), what, roles: names.join(", ") })
 }

@@ -8,9 +8,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use stillpoint_arguments::Worker;
-use stillpoint_pool::{Build, Hash, Job, Store, To, Worker as State, WorkerSettings};
+use stillpoint_pool::{Build, CallError, Hash, Job, Store, To, Worker as State, WorkerSettings};
 use stillpoint_remote::Mailbox;
 
+use crate::error::BridgeError;
 use super::exchange::{Ending, ended, open};
 use super::router::Hub;
 use super::tls::{Use, allow, load};
@@ -25,9 +26,9 @@ pub fn execute(arguments: &Worker) -> ExitCode {
     ended(try_execute(arguments))
 }
 
-fn try_execute(arguments: &Worker) -> Result<(), String> {
+fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     let ending = Ending::watch()?;
-    let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos() as u64;
+    let born = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let name = arguments.name.clone().unwrap_or_else(|| format!("{}-{born:x}", std::process::id()));
     let name = if name.starts_with(NAMES) { name } else { format!("{NAMES}{name}") };
     let build = Build::here()?;
@@ -46,7 +47,7 @@ fn try_execute(arguments: &Worker) -> Result<(), String> {
         (Some(endpoint), _) => endpoint.clone(),
         // The router of this process, by loopback where it listens at all addresses.
         (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
-        (None, None) => return Err("give --connect or --listen".to_owned()),
+        (None, None) => return Err(BridgeError::NoEndpoint),
     };
     let hub = hub.map(|hub| {
         let ending = ending.clone();
@@ -65,7 +66,7 @@ fn try_execute(arguments: &Worker) -> Result<(), String> {
 
 enum Happened {
     Message(String, Vec<u8>),
-    Result(Hash, Result<Vec<u8>, String>),
+    Result(Hash, Result<Vec<u8>, CallError>),
 }
 
 fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending, wrong_from: Option<u64>) {
@@ -125,7 +126,7 @@ fn compute(queue: &Mutex<Receiver<Job>>, happens: &Sender<Happened>) {
         let Ok(job) = job else { return };
         // A panic is a fault of this program, but no reason to leave the other calls without an answer.
         let result = catch_unwind(AssertUnwindSafe(|| job.ready.compute()))
-            .unwrap_or_else(|_| Err("the computation panicked on this worker".to_owned()));
+            .unwrap_or_else(|_| Err(CallError::Panic));
         if happens.send(Happened::Result(job.key, result)).is_err() {
             return;
         }

@@ -9,6 +9,8 @@ use stillpoint_pipeline::live::bridge::{BridgeSettings, NetworkEvent, SentCounts
 use stillpoint_remote::{Endpoints, Host, HostIdentity, HostSettings, Remote, Tls, TlsFiles};
 use stillpoint_transport::Transport;
 
+use crate::error::BridgeError;
+
 /// First part of all keys.
 const PREFIX: &str = "stillpoint";
 
@@ -17,13 +19,13 @@ pub struct Hosts(Arc<Host>);
 
 impl Hosts {
     /// Opens it; `None` where the pipeline has no hosts.
-    pub fn open(settings: BridgeSettings) -> Result<Option<Self>, String> {
+    pub fn open(settings: BridgeSettings) -> Result<Option<Self>, BridgeError> {
         let BridgeSettings { host, identity, incarnation, clock, arrived, .. } = settings;
         let Some(host) = host else { return Ok(None) };
         let tls = host.tls.map(|HostTls { certificate, key, authority }| {
             Tls::load(&TlsFiles { certificate, key, authority }).map(Arc::new)
         });
-        let tls = tls.transpose().map_err(|e| e.to_string())?;
+        let tls = tls.transpose()?;
         let opened = Host::open(HostSettings {
             prefix: PREFIX.to_owned(),
             name: host.name,
@@ -38,7 +40,7 @@ impl Hosts {
             clock: Arc::new(move || clock.now()),
             arrived,
         });
-        opened.map(|host| Some(Self(host))).map_err(|e| e.to_string())
+        Ok(Some(Self(opened?)))
     }
 
     pub fn transport(&self, edge: &str) -> Box<dyn Transport> {

@@ -19,6 +19,8 @@ use stillpoint_pipeline::live::bridge::{
 use stillpoint_remote::HostEvent;
 use stillpoint_transport::{Receiver, Transport, TransportError};
 
+use crate::error::BridgeError;
+
 use hosts::Hosts;
 use pool::PoolEdge;
 use ros2::Ros2Node;
@@ -36,10 +38,10 @@ impl Zenoh {
     ///
     /// # Errors
     /// An endpoint, a port, a certificate or a router with which nothing can pass between hosts.
-    pub fn open(settings: BridgeSettings) -> Result<Self, String> {
+    pub fn open(settings: BridgeSettings) -> Result<Self, BridgeError> {
         let ros2 = settings.ros2.as_ref().map(|def| Ros2Node::open(def, &settings)).transpose()?;
         let open = |pool: &PoolNode| Ok((pool.name.clone(), PoolEdge::open(pool, settings.arrived.clone())?));
-        let pools = settings.pools.iter().map(open).collect::<Result<_, String>>()?;
+        let pools = settings.pools.iter().map(open).collect::<Result<_, BridgeError>>()?;
         Ok(Self { hosts: Hosts::open(settings)?, pools, ros2 })
     }
 

@@ -16,6 +16,7 @@ use stillpoint_transport::{
 };
 use zerocopy::IntoBytes;
 
+use crate::error::BridgeError;
 use crate::commands::exchange::PREFIX;
 use crate::commands::tls::{Use, allow};
 
@@ -53,13 +54,13 @@ impl PoolEdge {
     ///
     /// # Errors
     /// The certificate cannot be used.
-    pub fn open(pool: &PoolNode, arrived: Arc<dyn Fn() + Send + Sync>) -> Result<Self, String> {
+    pub fn open(pool: &PoolNode, arrived: Arc<dyn Fn() + Send + Sync>) -> Result<Self, BridgeError> {
         let tls = pool.tls.clone().map(|HostTls { certificate, key, authority }| {
             Tls::load(&TlsFiles { certificate, key, authority }).map(Arc::new)
         });
-        let tls = tls.transpose().map_err(|e| e.to_string())?;
+        let tls = tls.transpose()?;
         allow(tls.as_deref(), &Use::Ask)?;
-        let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos();
+        let born = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos();
         let name = format!("plan-{}-{born:x}", std::process::id());
         let shared = Arc::new(Shared {
             mailbox: OnceLock::new(),
@@ -70,8 +71,7 @@ impl PoolEdge {
         let (of_thread, endpoint) = (shared.clone(), pool.connect.clone());
         std::thread::Builder::new()
             .name("pool".to_owned())
-            .spawn(move || of_thread.carry(&name, &endpoint, tls.as_ref()))
-            .map_err(|e| e.to_string())?;
+            .spawn(move || of_thread.carry(&name, &endpoint, tls.as_ref()))?;
         Ok(Self(shared))
     }
 

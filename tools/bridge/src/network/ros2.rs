@@ -12,6 +12,8 @@ use stillpoint_pipeline::live::bridge::{
 use stillpoint_remote::{Ros2, Ros2Message, Ros2Publisher, Ros2Settings};
 use stillpoint_transport::{LinkState, Origin, Receiver, TransportError};
 
+use crate::error::BridgeError;
+
 /// Topic of the static frames.
 const STATIC_FRAMES: &str = "/tf_static";
 /// Messages of an operator that wait, if they are small; one on top costs the oldest.
@@ -29,11 +31,11 @@ pub struct Ros2Node {
 
 impl Ros2Node {
     /// Begins to look for the router.
-    pub fn open(def: &Ros2Def, settings: &BridgeSettings) -> Result<Self, String> {
+    pub fn open(def: &Ros2Def, settings: &BridgeSettings) -> Result<Self, BridgeError> {
         let Ros2Def { connect, domain, node, longest, frames } = def.clone();
-        let node = Ros2::open(Ros2Settings { connect, domain, node, longest }).map_err(|e| e.to_string())?;
+        let node = Ros2::open(Ros2Settings { connect, domain, node, longest })?;
         if !frames.is_empty() {
-            node.repeat(STATIC_FRAMES, schema::TRANSFORMS, frames).map_err(|e| e.to_string())?;
+            node.repeat(STATIC_FRAMES, schema::TRANSFORMS, frames)?;
         }
         let (clock, arrived) = (settings.clock, settings.arrived.clone());
         Ok(Self { node, clock, arrived, inboxes: Mutex::default() })

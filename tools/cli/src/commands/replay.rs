@@ -8,7 +8,7 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pipeline::session::{HASHES, IDENTITY, RUN, identity};
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::stdout::StdoutRedirect;
@@ -50,7 +50,12 @@ const MOST_GAPS: usize = 5;
 pub struct Nobody;
 
 impl Observer for Nobody {
-    fn on_activation(&mut self, _: usize, _: &Entry, _: &[(usize, OwnedSample)]) -> Result<(), String> {
+    fn on_activation(
+        &mut self,
+        _: usize,
+        _: &Entry,
+        _: &[(usize, OwnedSample)],
+    ) -> Result<(), ObserverError> {
         Ok(())
     }
 }

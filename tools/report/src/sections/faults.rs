@@ -72,7 +72,8 @@ pub struct Refused {
 pub fn of(from: &Source<'_>) -> Faults {
     let recording = &from.recording;
     let session = recording.session;
-    let gaps = gaps_with(session, from.pipeline.as_ref().err().map(String::as_str));
+    let foreign = from.pipeline.as_ref().err().map(ToString::to_string);
+    let gaps = gaps_with(session, foreign.as_deref());
     let ended = ending(session);
     let lost = session.lost().iter().map(|l| Lost {
         topic: l.topic.clone(),

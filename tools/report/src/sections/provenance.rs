@@ -107,7 +107,7 @@ fn figures(from: &Source<'_>) -> ProvenanceFigures {
         files: files.collect(),
         frames: record(EXTRINSICS),
         pipeline: text(session, PIPELINE),
-        pipeline_is_foreign: from.pipeline.as_ref().err().cloned(),
+        pipeline_is_foreign: from.pipeline.as_ref().err().map(ToString::to_string),
     }
 }
 

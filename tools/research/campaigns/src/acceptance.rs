@@ -11,7 +11,7 @@ use stillpoint_patient::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::beams::{
     Budget, Evaluated, Evaluator, Influence, Method, Ring, RingDoses, choose, class_solution,
 };
-use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseError, DoseParams, Machine};
+use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, sequence};
@@ -129,7 +129,7 @@ impl Plans {
         for (name, case) in self.cases()? {
             for &bixel_mm in &self.bixels {
                 for &beams in &self.beams {
-                    let row = self.row(&name, &case, &table, (beams, bixel_mm)).map_err(Failure::failed)?;
+                    let row = self.row(&name, &case, &table, (beams, bixel_mm))?;
                     if !self.json {
                         outln!("{}", row.line(&case));
                     }
@@ -155,7 +155,7 @@ impl Plans {
                 for &beams in &self.beams {
                     let plan = Planned::new(&case, table, (beams, bixel_mm), self.threads);
                     let loss =
-                        plan.and_then(|plan| Loss::of(&name, &case, &plan)).map_err(Failure::failed)?;
+                        plan.and_then(|plan| Loss::of(&name, &case, &plan))?;
                     if !self.json {
                         outln!("{}", loss.line());
                     }
@@ -222,7 +222,7 @@ impl Plans {
         case: &Case,
         table: &ObjectiveTable,
         (beams, bixel_mm): (usize, f64),
-    ) -> Result<Row, String> {
+    ) -> Result<Row, Failure> {
         let plan = Planned::new(case, table, (beams, bixel_mm), self.threads)?;
         let (structures, fall_off) = plan.figures(case, None, self.threads)?;
         let (finer, _) = plan.figures(case, Some(self.finer), self.threads)?;
@@ -248,28 +248,27 @@ impl Planned {
         table: &ObjectiveTable,
         (count, bixel_mm): (usize, f64),
         threads: NonZeroUsize,
-    ) -> Result<Self, String> {
-        let text = |e: &dyn std::fmt::Display| e.to_string();
-        let sampling = Sampling::new(case, GRID_MM, bixel_mm).map_err(|e| text(&e))?;
+    ) -> Result<Self, Failure> {
+        let sampling = Sampling::new(case, GRID_MM, bixel_mm).map_err(Failure::failed)?;
         let bixels = BixelSpec::of_width(bixel_mm);
         let params = DoseParams { grid: *sampling.grid(), bixels, ..DoseParams::over(case.grid(), GRID_MM) };
-        let engine = DoseEngine::of_case(case, machine()?, params).map_err(|e| text(&e))?;
+        let engine = DoseEngine::of_case(case, machine()?, params).map_err(Failure::failed)?;
         let engine = sampling.engine(&engine);
-        let ring = Ring::new(90, 5).map_err(|e| text(&e))?;
-        ring.check_room(count).map_err(|e| text(&e))?;
+        let ring = Ring::new(90, 5).map_err(Failure::failed)?;
+        ring.check_room(count).map_err(Failure::failed)?;
         let angles = class_solution(count);
         let mut beams: Vec<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
         beams.sort_unstable();
-        let folder = tempfile::tempdir().map_err(|e| text(&e))?;
-        let cache = DoseCache::in_folder(Path::new(folder.path())).map_err(|e| text(&e))?;
+        let folder = tempfile::tempdir().map_err(Failure::failed)?;
+        let cache = DoseCache::in_folder(Path::new(folder.path())).map_err(Failure::failed)?;
         let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, threads, || ())
-            .map_err(|e| text(&e))?;
+            .map_err(Failure::failed)?;
         let goals = table
             .for_points(case, &sampling)
             .and_then(|objective_set| objective_set.goals(1))
-            .map_err(|e| text(&e))?;
+            .map_err(Failure::failed)?;
         let mut evaluator = Evaluator::new(&doses, &goals, ring, count, Budget { solves: 1 });
-        let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(|e| text(&e))?.best;
+        let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(Failure::failed)?.best;
         drop(evaluator);
         let points_mm = sampling.grid().spacing_mm[0];
         Ok(Self { params, points_mm, ring, doses, goals, best })
@@ -281,20 +280,19 @@ impl Planned {
         case: &Case,
         spacing_mm: Option<f64>,
         threads: NonZeroUsize,
-    ) -> Result<(Vec<StructureDose>, Option<FallOff>), String> {
-        let fault = |e: DoseError| e.to_string();
+    ) -> Result<(Vec<StructureDose>, Option<FallOff>), Failure> {
         let recompute = match spacing_mm {
             None => Recompute::new(case, machine()?, &self.params, self.points_mm),
             Some(mm) => Recompute::with_spacing(case, machine()?, &self.params, mm),
         };
-        let recompute = recompute.map_err(fault)?;
+        let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
             gantry_deg: self.ring.angle_deg(*beam),
             weights: self.best.weights_of(*beam).unwrap_or_default(),
             bixels_mm: None,
         };
         let beams: Vec<WeightedBeam<'_>> = self.best.beams.beams().iter().map(weighted).collect();
-        let gray = recompute.dose(&beams, [0.0; 3], threads).map_err(fault)?;
+        let gray = recompute.dose(&beams, [0.0; 3], threads).map_err(Failure::failed)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         let evaluation = on_grid.evaluate(&gray);
         Ok((evaluation.figures(&[VOLUME_AT_GY]), evaluation.fall_off))
@@ -303,9 +301,9 @@ impl Planned {
 
 impl Loss {
     /// With the numbers of `stillpoint plan`.
-    fn of(name: &str, case: &Case, plan: &Planned) -> Result<Self, String> {
+    fn of(name: &str, case: &Case, plan: &Planned) -> Result<Self, Failure> {
         let machine = machine()?;
-        let collimator = machine.file().collimator.as_ref().ok_or("the machine has no collimator")?;
+        let collimator = machine.file().collimator.as_ref().ok_or_else(|| Failure::failed("the machine has no collimator"))?;
         let mu_per_weight = collimator.mu_per_weight / f64::from(case.fractions().unwrap_or(1));
         let bixel_mm = plan.params.bixels.width_mm;
         let options = LeafOptions {
@@ -321,8 +319,8 @@ impl Loss {
         };
         let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
         // Segments pay for no modulation, so they are compared by doses.
-        let planned = plan.goals.cost_of(&best.plan).map_err(|e| e.to_string())?;
-        let found = sequence(&plan.goals, &beams, collimator, planned, options).map_err(|e| e.to_string())?;
+        let planned = plan.goals.cost_of(&best.plan).map_err(Failure::failed)?;
+        let found = sequence(&plan.goals, &beams, collimator, planned, options).map_err(Failure::failed)?;
         let segments = || found.beams.iter().flatten().flat_map(|beam| &beam.segments);
         Ok(Self {
             case: name.to_owned(),
@@ -349,8 +347,8 @@ impl Loss {
     }
 }
 
-fn machine() -> Result<Machine, String> {
-    Machine::shipped().map_err(|e| e.to_string())
+fn machine() -> Result<Machine, Failure> {
+    Machine::shipped().map_err(Failure::failed)
 }
 
 impl Differences {

@@ -11,7 +11,7 @@ use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::{Events, Observer};
+use stillpoint_pipeline::schedule::{Events, Observer, ObserverError};
 use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
     Actuation, ActuationElement, Contacts, Entry, FarEnd, Outcome, Pose, PoseElement, PoseReport, PoseStatus,
@@ -292,7 +292,7 @@ impl Observer for Watch {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         if entry.outcome().is_none_or(Outcome::is_failure) {

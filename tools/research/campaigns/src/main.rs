@@ -93,8 +93,13 @@ fn at_least<T: TryFrom<u64>>(least: u64) -> RangedU64ValueParser<T> {
     RangedU64ValueParser::new().range(least..)
 }
 
+/// A number that is not above 0.
+#[derive(Debug, thiserror::Error)]
+#[error("it must be a number above 0")]
+struct NotPositive;
+
 /// Parses a finite number above 0.
-fn positive(text: &str) -> Result<f64, String> {
+fn positive(text: &str) -> Result<f64, NotPositive> {
     let number = text.parse::<f64>().ok().filter(|n| n.is_finite() && *n > 0.0);
-    number.ok_or_else(|| "it must be a number above 0".to_string())
+    number.ok_or(NotPositive)
 }

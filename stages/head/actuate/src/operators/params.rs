@@ -63,7 +63,7 @@ pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
 /// here, before the first command.
 pub fn extrinsic(params: &ExtrinsicParams, port: usize, setup: &Setup<'_>) -> Result<Extrinsic, SetupError> {
     let frame = setup.input_frames.get(port).and_then(Option::as_deref);
-    let extrinsic = Extrinsic::of(params, setup.frames, frame).map_err(SetupError)?;
+    let extrinsic = Extrinsic::of(params, setup.frames, frame).map_err(|e| SetupError(e.to_string()))?;
     match extrinsic.fault() {
         None => Ok(extrinsic),
         Some(fault) => Err(SetupError(format!(

@@ -77,7 +77,7 @@ impl Operator for ControlContacts {
     };
 
     fn new(params: ContactsParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        let rig = Rig::of(params.rig, params.head_mass).map_err(SetupError)?;
+        let rig = Rig::of(params.rig, params.head_mass).map_err(|e| SetupError(e.to_string()))?;
         let channels = rig.channels().ok_or_else(|| {
             SetupError("`rig` is unknown, but contact forces need its mechanics: name one of the rigs".into())
         })?;

@@ -181,7 +181,7 @@ impl Operator for EstimateFuse {
             let side = if activation.port == 0 { Side::First } else { Side::Second };
             let Some(view) = activation.fresh::<Track>(activation.port) else { return Ok(()) };
             let Some(track) = view.first() else { return Ok(()) };
-            self.fusion.take(side, track, view.header.origin, time).map_err(StepError)?
+            self.fusion.take(side, track, view.header.origin, time).map_err(|e| StepError(e.to_string()))?
         };
         if let Some(fused) = &fused {
             outputs.send::<Track>(STATE, fused)?;

@@ -38,6 +38,14 @@ pub struct FusionParams {
     pub watch: WatchParams,
 }
 
+/// A track that a fusion cannot use, by the name of its input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` has other channels than this fusion, or values that are not finite: give both filters and this operator the same \
+     `follow`"
+)]
+pub struct OtherTrack(&'static str);
+
 /// A fusion of tracks of any channels.
 pub trait Fusion: Send {
     /// Takes a track acquired at `origin` that arrived at `time`, both ns. Returns the fused state at `origin`, if that
@@ -51,7 +59,7 @@ pub trait Fusion: Send {
         track: &TrackElement,
         origin: u64,
         time: u64,
-    ) -> Result<Option<TrackElement>, String>;
+    ) -> Result<Option<TrackElement>, OtherTrack>;
     /// The fused state at `time`, ns; `None` if a newer state was sent.
     fn predict(&mut self, time: u64) -> Option<TrackElement>;
     /// The health of both sensors at `time`, ns.
@@ -224,13 +232,10 @@ impl<const N: usize, const M: usize, X: InSamples<N>> Fusion for FusionOf<N, M, 
         track: &TrackElement,
         origin: u64,
         time: u64,
-    ) -> Result<Option<TrackElement>, String> {
+    ) -> Result<Option<TrackElement>, OtherTrack> {
         let own = side as usize;
         let Some(local) = self.channels.read::<X>(track) else {
-            return Err(format!(
-                "`{}` has other channels than this fusion, or values that are not finite: give both filters and this operator the same `follow`",
-                NAMES[own]
-            ));
+            return Err(OtherTrack(NAMES[own]));
         };
         let fate = match track.standing() {
             // A filter with a timer sends what it predicts between measurements: nothing new.

@@ -7,20 +7,36 @@ use mcap::records::MessageHeader;
 
 use super::files::Bag;
 use super::select::{At, Selection};
-use super::walk::Walk;
+use super::walk::{Walk, WalkError};
+
+/// Why a recording is not cut.
+#[derive(Debug, thiserror::Error)]
+pub enum CutError {
+    /// A file is not read.
+    #[error(transparent)]
+    Walk(#[from] WalkError),
+    /// A file is not written.
+    #[error("{name}: it cannot be cut to what is read: {error}")]
+    Write {
+        /// The file.
+        name: String,
+        /// What the library says.
+        error: mcap::McapError,
+    },
+}
 
 /// The files of a recording, each with the messages of it that the selections read. Messages that are skipped keep their
 /// place and lose their bytes, so that the same parameters read the same messages of it.
 ///
 /// # Errors
 /// A file that cannot be read or written.
-pub fn cut(bag: &Bag, selections: &[Selection]) -> Result<Vec<(String, Vec<u8>)>, String> {
+pub fn cut(bag: &Bag, selections: &[Selection]) -> Result<Vec<(String, Vec<u8>)>, CutError> {
     let frames = || selections.iter().flat_map(|s| &s.frames);
     let read: BTreeSet<At> = frames().map(|f| f.at).chain(frames().filter_map(|f| f.camera)).collect();
     let skipped: BTreeSet<At> = selections.iter().flat_map(|s| &s.skipped).copied().collect();
     let mut files = Vec::new();
     for (number, (name, bytes)) in bag.files.iter().enumerate() {
-        let fault = |e: mcap::McapError| format!("{name}: it cannot be cut to what is read: {e}");
+        let fault = |error: mcap::McapError| CutError::Write { name: name.clone(), error };
         let options = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("stillpoint-ingest/", env!("CARGO_PKG_VERSION")))

@@ -12,8 +12,8 @@ mod select;
 mod topics;
 mod walk;
 
-pub use cut::cut;
-pub use files::{Bag, OpenError};
+pub use cut::{CutError, cut};
+pub use files::{Bag, MetadataFault, OpenError};
 pub use select::{At, Selected, Selection, select};
-pub use topics::{Reading, check};
-pub use walk::Message;
+pub use topics::{Reading, TopicError, check};
+pub use walk::{Message, WalkError};

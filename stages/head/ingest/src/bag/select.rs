@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use stillpoint_cdr::Reader;
 
 use super::files::Bag;
-use super::topics::{Named, Reading, check, is_named};
+use super::topics::{Named, Reading, TopicError, check, is_named};
 
 /// Where a message is: numbers of its file and of its place in the file.
 pub type At = (usize, u64);
@@ -59,7 +59,7 @@ struct Info {
 ///
 /// # Errors
 /// A topic that is missing or of another type, a damaged file, or nothing left to read.
-pub fn select(bag: &Bag, selected: &Selected<'_>) -> Result<Selection, String> {
+pub fn select(bag: &Bag, selected: &Selected<'_>) -> Result<Selection, TopicError> {
     let Named { reading, camera_info } = check(bag, selected.topic, selected.camera_info)?;
     let (mut all, mut infos) = (Vec::new(), Vec::new());
     for message in bag.messages() {
@@ -99,7 +99,7 @@ pub fn select(bag: &Bag, selected: &Selected<'_>) -> Result<Selection, String> {
         })
         .collect();
     if frames.is_empty() {
-        return Err(format!("all {} messages of {} are skipped: lower `skip`", all.len(), selected.topic));
+        return Err(TopicError::Skipped { messages: all.len(), topic: selected.topic.to_owned() });
     }
     let skipped = all.iter().take(selected.skip).map(|(_, at, ..)| *at).collect();
     Ok(Selection { reading, skipped, frames })

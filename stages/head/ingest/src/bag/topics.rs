@@ -6,6 +6,7 @@ use std::sync::Arc;
 use mcap::Channel;
 
 use super::files::Bag;
+use super::walk::WalkError;
 
 /// Entry in the metadata of a channel of a session: the session's own name of the topic.
 const OWN_NAME: &str = "stillpoint.topic";
@@ -25,6 +26,11 @@ pub enum Reading {
 impl Reading {
     const ALL: [Self; 3] = [Self::Cloud, Self::Image, Self::Compressed];
 
+    /// The types of messages that are read.
+    fn schemas() -> String {
+        Self::ALL.map(Self::schema).join(", ")
+    }
+
     fn schema(self) -> &'static str {
         match self {
             Self::Cloud => "sensor_msgs/msg/PointCloud2",
@@ -32,6 +38,62 @@ impl Reading {
             Self::Compressed => "sensor_msgs/msg/CompressedImage",
         }
     }
+}
+
+/// Why a topic of a recording is not read.
+#[derive(Debug, thiserror::Error)]
+pub enum TopicError {
+    /// A file is not read.
+    #[error(transparent)]
+    Walk(#[from] WalkError),
+    /// Nothing in it can be read.
+    #[error("it has no messages on {topic}, and none of {} at all", Reading::schemas())]
+    Nothing {
+        /// The topic that was asked for.
+        topic: String,
+    },
+    /// Other topics of it can be read.
+    #[error("it has no messages on {topic}, but on {}", others.join(", "))]
+    Missing {
+        /// The topic that was asked for.
+        topic: String,
+        /// The topics that can be read.
+        others: Vec<String>,
+    },
+    /// The topic has messages that are not read.
+    #[error("the topic {topic} has {schema} in {encoding}, not one of {} in cdr", Reading::schemas())]
+    Type {
+        /// The topic.
+        topic: String,
+        /// Type of its messages.
+        schema: String,
+        /// How they are written.
+        encoding: String,
+    },
+    /// Clouds have no camera.
+    #[error("the topic {0} has clouds, which need no `camera_info`: remove it")]
+    CameraOfClouds(String),
+    /// There is no camera in it.
+    #[error(
+        "it has images on {0}, and no {CAMERA_INFO} on any topic, which their rays need: record it with them"
+    )]
+    NoCamera(String),
+    /// Its cameras are on other topics.
+    #[error("it has no {CAMERA_INFO} on {}, but on {}: set `camera_info`", asked.join(" or "), infos.join(", "))]
+    OtherCamera {
+        /// Where the camera is expected.
+        asked: Vec<String>,
+        /// Where cameras are.
+        infos: Vec<String>,
+    },
+    /// No message of the topic is left to read.
+    #[error("all {messages} messages of {topic} are skipped: lower `skip`")]
+    Skipped {
+        /// Messages of the topic.
+        messages: usize,
+        /// The topic.
+        topic: String,
+    },
 }
 
 /// What the channels of a topic have in common, and a session's own name of it.
@@ -61,21 +123,20 @@ pub fn is_named(channel: &Channel<'_>, topic: &str) -> bool {
 ///
 /// # Errors
 /// What is missing or of another type, with what is there.
-pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named, String> {
+pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named, TopicError> {
     let topics = topics(bag)?;
-    let with = |schema: &str| -> Vec<&str> {
-        topics.iter().filter(|kind| kind.schema == schema).map(|kind| kind.topic.as_str()).collect()
+    let with = |schema: &str| -> Vec<String> {
+        topics.iter().filter(|kind| kind.schema == schema).map(|kind| kind.topic.clone()).collect()
     };
     let of_name = |topic: &str| {
         let found = topics.iter().find(|k| k.topic == topic || k.own_name.as_deref() == Some(topic));
         found.cloned()
     };
     let Some(kind) = of_name(topic) else {
-        let others: Vec<&str> = Reading::ALL.iter().flat_map(|reading| with(reading.schema())).collect();
-        let schemas = Reading::ALL.map(Reading::schema).join(", ");
+        let others: Vec<String> = Reading::ALL.iter().flat_map(|reading| with(reading.schema())).collect();
         return Err(match others.is_empty() {
-            true => format!("it has no messages on {topic}, and none of {schemas} at all"),
-            false => format!("it has no messages on {topic}, but on {}", others.join(", ")),
+            true => TopicError::Nothing { topic: topic.to_owned() },
+            false => TopicError::Missing { topic: topic.to_owned(), others },
         });
     };
     let readable =
@@ -83,16 +144,13 @@ pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named,
     if let Some(other) =
         topics.iter().filter(|k| k.topic == kind.topic).find(|k| !readable(k) || k.schema != kind.schema)
     {
-        let schemas = Reading::ALL.map(Reading::schema).join(", ");
-        return Err(format!(
-            "the topic {topic} has {} in {}, not one of {schemas} in cdr",
-            other.schema, other.encoding
-        ));
+        let Kind { schema, encoding, .. } = other.clone();
+        return Err(TopicError::Type { topic: topic.to_owned(), schema, encoding });
     }
     let reading = Reading::ALL.into_iter().find(|reading| reading.schema() == kind.schema);
     let Some(reading) = reading.filter(|reading| *reading != Reading::Cloud) else {
         return match camera_info {
-            Some(_) => Err(format!("the topic {topic} has clouds, which need no `camera_info`: remove it")),
+            Some(_) => Err(TopicError::CameraOfClouds(topic.to_owned())),
             None => Ok(Named { reading: Reading::Cloud, camera_info: None }),
         };
     };
@@ -101,18 +159,10 @@ pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named,
         None => sibling(&kind.topic),
     };
     let infos = with(CAMERA_INFO);
-    match asked.iter().find(|name| infos.contains(&name.as_str())) {
+    match asked.iter().find(|name| infos.contains(name)) {
         Some(name) => Ok(Named { reading, camera_info: Some(name.clone()) }),
-        None => Err(match infos.is_empty() {
-            true => format!(
-                "it has images on {topic}, and no {CAMERA_INFO} on any topic, which their rays need: record it with them"
-            ),
-            false => format!(
-                "it has no {CAMERA_INFO} on {}, but on {}: set `camera_info`",
-                asked.join(" or "),
-                infos.join(", ")
-            ),
-        }),
+        None if infos.is_empty() => Err(TopicError::NoCamera(topic.to_owned())),
+        None => Err(TopicError::OtherCamera { asked, infos }),
     }
 }
 
@@ -132,7 +182,7 @@ fn sibling(topic: &str) -> Vec<String> {
 }
 
 /// The topics that have messages. Summaries are not believed: what a file has is what stands in it.
-fn topics(bag: &Bag) -> Result<BTreeSet<Kind>, String> {
+fn topics(bag: &Bag) -> Result<BTreeSet<Kind>, WalkError> {
     let mut topics = BTreeSet::new();
     // A channel is looked at once.
     let mut last = None;

@@ -25,6 +25,67 @@ pub struct Message {
     pub data: Vec<u8>,
 }
 
+/// Why a file of a recording is not read.
+#[derive(Debug, thiserror::Error)]
+#[error("{name}: {fault}")]
+pub struct WalkError {
+    name: String,
+    fault: WalkFault,
+}
+
+/// What is wrong with a file of a recording.
+#[derive(Debug, thiserror::Error)]
+enum WalkFault {
+    #[error("it is empty (0 bytes)")]
+    Empty,
+    #[error(
+        "it unpacks to more than {} MB (allowed: {} MB, and {PER_BYTE} times the size of the file): write it with less \
+         compression",
+        most / 1_000_000,
+        FREE / 1_000_000
+    )]
+    TooLarge { most: usize },
+    #[error("it is compressed as a whole by zstd: unpack it with `zstd -d`")]
+    Zstd,
+    #[error(
+        "it is not an MCAP file but a bag of ROS 1: convert it with `rosbags-convert --src BAG --dst NEW --dst-storage mcap`"
+    )]
+    Ros1,
+    #[error("it is not an MCAP file")]
+    Magic,
+    #[error("it ends in the middle of a record: {REPAIR}")]
+    Truncated,
+    #[error("its bytes are not those that were recorded: {0}: {REPAIR}")]
+    Checksum(McapError),
+    #[error(
+        "two channels of one number differ, one of them of {}: it is damaged, or two files were joined",
+        quoted(.0)
+    )]
+    Channels(String),
+    #[error("{}", quoted(&.0.to_string()))]
+    Other(McapError),
+}
+
+const REPAIR: &str = "repair a copy of it with `stillpoint recover`";
+
+impl WalkFault {
+    /// What it means for people that the library cannot read the file of this name, which may unpack to `most` bytes.
+    fn of(error: McapError, name: &str, most: usize) -> Self {
+        match error {
+            McapError::BadMagic => match name.rsplit_once('.') {
+                Some((_, "zstd" | "zst")) => Self::Zstd,
+                Some((_, "bag")) => Self::Ros1,
+                _ => Self::Magic,
+            },
+            McapError::UnexpectedEof => Self::Truncated,
+            McapError::BadChunkCrc { .. } | McapError::BadDataCrc { .. } => Self::Checksum(error),
+            McapError::RecordTooLarge { .. } => Self::TooLarge { most },
+            McapError::ConflictingChannels(topic) => Self::Channels(topic),
+            other => Self::Other(other),
+        }
+    }
+}
+
 /// Walks over the messages of a file in the order in which they were written.
 pub struct Walk<'a> {
     name: &'a str,
@@ -60,104 +121,56 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn advance(&mut self) -> Option<Result<Message, String>> {
+    fn advance(&mut self) -> Result<Option<Message>, WalkFault> {
         if self.is_empty {
-            return Some(Err(format!("{}: it is empty (0 bytes)", self.name)));
+            return Err(WalkFault::Empty);
         }
+        let (name, most) = (self.name, self.most);
+        let fault = |e: McapError| WalkFault::of(e, name, most);
         while let Some(event) = self.reader.next_event() {
-            let (opcode, data) = match event {
-                Err(fault) => return Some(Err(unread(self.name, &fault, self.most))),
-                Ok(LinearReadEvent::ReadRequest(need)) => {
+            let (opcode, data) = match event.map_err(fault)? {
+                LinearReadEvent::ReadRequest(need) => {
                     let (taken, rest) = self.rest.split_at(need.min(self.rest.len()));
                     self.reader.insert(taken.len()).copy_from_slice(taken);
                     self.reader.notify_read(taken.len());
                     self.rest = rest;
                     continue;
                 }
-                Ok(LinearReadEvent::Record { opcode, data }) => (opcode, data),
+                LinearReadEvent::Record { opcode, data } => (opcode, data),
             };
-            let Some(left) = self.left.checked_sub(data.len()) else {
-                return Some(Err(too_large(self.name, self.most)));
-            };
-            self.left = left;
-            let fault = |e: McapError| Some(Err(unread(self.name, &e, self.most)));
+            self.left = self.left.checked_sub(data.len()).ok_or(WalkFault::TooLarge { most })?;
             // The summary repeats schemas and channels; its statistics are not believed.
             let is_read = [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::DATA_END].contains(&opcode);
             if self.is_past_data || !is_read {
                 continue;
             }
-            let record = match mcap::parse_record(opcode, data) {
-                Ok(record) => record,
-                Err(e) => return fault(e),
-            };
-            let added = match record {
-                Record::Schema { header, data } => self.channels.add_schema_from_slice(header, &data),
-                Record::Channel(channel) => self.channels.add_channel(channel),
+            match mcap::parse_record(opcode, data).map_err(fault)? {
+                Record::Schema { header, data } => {
+                    self.channels.add_schema_from_slice(header, &data).map_err(fault)?;
+                }
+                Record::Channel(channel) => self.channels.add_channel(channel).map_err(fault)?,
                 Record::Message { header, data } => {
-                    let Some(channel) = self.channels.get(header.channel_id) else {
-                        return fault(McapError::UnknownChannel(header.sequence, header.channel_id));
-                    };
-                    return Some(Ok(Message { channel, header, data: data.into_owned() }));
+                    let unknown = || fault(McapError::UnknownChannel(header.sequence, header.channel_id));
+                    let channel = self.channels.get(header.channel_id).ok_or_else(unknown)?;
+                    return Ok(Some(Message { channel, header, data: data.into_owned() }));
                 }
-                Record::DataEnd(_) => {
-                    self.is_past_data = true;
-                    Ok(())
-                }
-                _ => Ok(()),
-            };
-            if let Err(e) = added {
-                return fault(e);
+                Record::DataEnd(_) => self.is_past_data = true,
+                _ => {}
             }
         }
-        None
+        Ok(None)
     }
 }
 
 impl Iterator for Walk<'_> {
-    type Item = Result<Message, String>;
+    type Item = Result<Message, WalkError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.is_done {
             return None;
         }
         let found = self.advance();
-        self.is_done = !matches!(found, Some(Ok(_)));
-        found
-    }
-}
-
-fn too_large(name: &str, most: usize) -> String {
-    format!(
-        "{name}: it unpacks to more than {} MB (allowed: {} MB, and {PER_BYTE} times the size of the file): write it with less \
-         compression",
-        most / 1_000_000,
-        FREE / 1_000_000
-    )
-}
-
-/// Why a file is not read.
-fn unread(name: &str, fault: &McapError, most: usize) -> String {
-    let repair = "repair a copy of it with `stillpoint recover`";
-    match fault {
-        McapError::BadMagic => match name.rsplit_once('.') {
-            Some((_, "zstd" | "zst")) => {
-                format!("{name}: it is compressed as a whole by zstd: unpack it with `zstd -d`")
-            }
-            Some((_, "bag")) => format!(
-                "{name}: it is not an MCAP file but a bag of ROS 1: convert it with `rosbags-convert --src BAG --dst NEW \
-                 --dst-storage mcap`"
-            ),
-            _ => format!("{name}: it is not an MCAP file"),
-        },
-        McapError::UnexpectedEof => format!("{name}: it ends in the middle of a record: {repair}"),
-        McapError::BadChunkCrc { .. } | McapError::BadDataCrc { .. } => {
-            format!("{name}: its bytes are not those that were recorded: {fault}: {repair}")
-        }
-        McapError::RecordTooLarge { .. } => too_large(name, most),
-        McapError::ConflictingChannels(topic) => format!(
-            "{name}: two channels of one number differ, one of them of {}: it is damaged, or two files were joined",
-            quoted(topic)
-        ),
-        other => format!("{name}: {}", quoted(&other.to_string())),
+        self.is_done = !matches!(found, Ok(Some(_)));
+        found.map_err(|fault| WalkError { name: self.name.to_owned(), fault }).transpose()
     }
 }

@@ -179,11 +179,11 @@ fn pinhole(camera: &CameraParams) -> Intrinsics {
 fn look(params: &DepthParams, camera: &Intrinsics, file: &RecordedFile) -> Result<(), Fault> {
     let image = decode_png(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
     files::at_most(params.max_pixels, image.counts.len(), "pixels", "max_pixels")?;
-    checks::camera(camera, image.width, image.height).map_err(Fault::Params)?;
+    checks::camera(camera, image.width, image.height)?;
     let mut points = vec![[0.0; 3]; image.counts.len()];
     deproject(&image.counts, image.width, image.height, camera, &mut points)
         .map_err(|e| Fault::Item(e.to_string()))?;
-    checks::scale(points, Scale::Depths).map_err(Fault::Params)
+    Ok(checks::scale(points, Scale::Depths)?)
 }
 
 fn send_file(file: &RecordedFile, camera: &Intrinsics, outputs: &mut Outputs<'_>) -> Result<(), StepError> {

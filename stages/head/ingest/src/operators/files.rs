@@ -24,7 +24,9 @@ pub fn read<T>(
     strict: bool,
     look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
 ) -> Result<Vec<(RecordedFile, T)>, SetupError> {
-    checked(setup.files, path, strict, look).map(|checked| checked.items).map_err(SetupError)
+    checked(setup.files, path, strict, look)
+        .map(|checked| checked.items)
+        .map_err(|fault| SetupError(fault.to_string()))
 }
 
 /// What a run says about the files that `path` names; nothing where they cannot be read, which their operator says.
@@ -47,16 +49,14 @@ fn checked<T>(
     path: &str,
     strict: bool,
     mut look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
-) -> Result<Looked<T>, String> {
-    let names = files.list(path).map_err(|e| format!("{path}: {e}"))?;
+) -> Result<Looked<T>, Fault> {
+    let names = files.list(path).map_err(|e| Fault::Params(format!("{path}: {e}")))?;
     let each = names.into_iter().map(|name| {
         let bytes = files.read(&name).map_err(|e| Fault::Params(format!("{name}: {e}")))?;
         let file = RecordedFile { name, bytes };
-        let named = |e: &str| format!("{}: {e}", file.name);
         match look(&file) {
             Ok(made) => Ok((file, made)),
-            Err(Fault::Item(e)) => Err(Fault::Item(named(&e))),
-            Err(Fault::Params(e)) => Err(Fault::Params(named(&e))),
+            Err(fault) => Err(fault.of(&file.name)),
         }
     });
     Checked::of(each, strict)

@@ -11,7 +11,7 @@ use super::playback::Pace;
 use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
 use super::unit::Unit;
-use crate::bag::{Bag, Reading, Selected};
+use crate::bag::{Reading, Selected};
 use crate::camera_info::Image;
 
 const CLOUD: usize = 0;
@@ -101,8 +101,7 @@ impl Operator for IngestMcap {
     }
 
     fn new(params: McapParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let bag = Bag::open(setup.files, &params.file).map_err(|e| e.to_string());
-        let read = bag.and_then(|bag| Recording::read(&bag, &selected(&params), &play(&params)));
+        let read = Recording::open(setup.files, &params.file, &selected(&params), &play(&params));
         let read = read.map_err(|e| SetupError(format!("{}: {e}", params.file)))?;
         match (params.pace, read.period(), setup.every) {
             (Pace::Recorded, Some(period), Some(every)) if every > period => Err(SetupError(format!(

@@ -7,7 +7,7 @@ use super::points::send_cloud;
 use super::unit::Unit;
 use crate::bag::Reading;
 use crate::camera_info::{CameraInfo, CameraInfoError, Image};
-use crate::checks::{self, Scale};
+use crate::checks::{self, CheckError, Scale};
 use crate::depth_message::{DepthMessage, DepthMessageError};
 use crate::point_cloud2::{PointCloud2, PointCloud2Error};
 
@@ -24,11 +24,11 @@ pub enum MessageError {
     #[error(transparent)]
     Depth(#[from] DepthMessageError),
     /// The image and its camera are in two frames.
-    #[error("{0}")]
-    SelectedMessage(String),
+    #[error(transparent)]
+    SelectedMessage(CheckError),
     /// Its points are in another unit.
-    #[error("{0}")]
-    Scale(String),
+    #[error(transparent)]
+    Scale(CheckError),
     /// No sample has so many points.
     #[error("it has {points} points: raise `max_points`")]
     TooLarge {

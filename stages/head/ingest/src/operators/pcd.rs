@@ -90,5 +90,5 @@ impl Operator for IngestPcd {
 fn look(params: &PcdParams, file: &RecordedFile) -> Result<(), Fault> {
     let cloud = pcd::read(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
     files::at_most(params.max_points, cloud.points.len(), "points", "max_points")?;
-    params.unit.check(&cloud.points).map_err(Fault::Params)
+    Ok(params.unit.check(&cloud.points)?)
 }

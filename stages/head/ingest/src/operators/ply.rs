@@ -100,7 +100,7 @@ impl Operator for IngestPly {
 fn look(params: &PlyParams, file: &RecordedFile) -> Result<Vec<[f32; 3]>, Fault> {
     let mut cloud = ply::read(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
     files::at_most(params.max_points, cloud.len(), "points", "max_points")?;
-    params.unit.check(&cloud).map_err(Fault::Params)?;
+    params.unit.check(&cloud)?;
     cloud.iter_mut().for_each(|point| *point = params.unit.in_metres(*point));
     Ok(cloud)
 }

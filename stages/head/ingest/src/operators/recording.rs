@@ -2,15 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use stillpoint_cdr::Reader;
+use stillpoint_cdr::{CdrError, Reader};
 use stillpoint_operator::{Files, Outputs, SetupError, StepError};
 
 use super::messages::{Cameras, CamerasError, Form, MessageError};
 use super::playback::{Due, Pace, Playback};
 use super::turn::AtEnd;
-use crate::bag::{self, At, Bag, OpenError, Reading, Selected, Selection};
+use crate::bag::{self, At, Bag, OpenError, Reading, Selected, Selection, TopicError, WalkError};
 use crate::camera_info::Image;
-use crate::checks::{self, Checked, Fault};
+use crate::checks::{self, CheckError, Checked, Fault};
 use crate::wire::{Admission, Counts, WireRefusal};
 
 /// Largest size of all messages together: 1 GiB.
@@ -63,12 +63,48 @@ pub struct Play<'a> {
     pub wire: Option<Admission<'a>>,
 }
 
+/// Why a recording is not played.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// It cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// Its topic is not read.
+    #[error(transparent)]
+    Topic(#[from] TopicError),
+    /// A file of it is not read.
+    #[error(transparent)]
+    Walk(#[from] WalkError),
+    /// Its messages are too much for the memory.
+    #[error("its messages take more than 1 GiB of memory: set `frames`")]
+    TooLarge,
+    /// A message of it is refused.
+    #[error(transparent)]
+    Message(#[from] Fault),
+    /// Its times are not those of one run.
+    #[error(transparent)]
+    Times(#[from] CheckError),
+}
+
 impl Recording {
+    /// Reads the recording in a file or a folder.
+    ///
+    /// # Errors
+    /// As [`Recording::read`] has it, and a recording that cannot be opened.
+    pub fn open(
+        files: &dyn Files,
+        place: &str,
+        selected: &Selected<'_>,
+        play: &Play<'_>,
+    ) -> Result<Self, RecordingError> {
+        Self::read(&Bag::open(files, place)?, selected, play)
+    }
+
     /// Reads the messages that are wanted, and looks at each as a step does. Those that become no cloud are left out.
     ///
     /// # Errors
     /// What is missing or wrong.
-    pub fn read(bag: &Bag, selected: &Selected<'_>, play: &Play<'_>) -> Result<Self, String> {
+    pub fn read(bag: &Bag, selected: &Selected<'_>, play: &Play<'_>) -> Result<Self, RecordingError> {
         let selection = bag::select(bag, selected)?;
         let form = Form { reading: selection.reading, ..play.form };
         let mut bytes = bytes_of(bag, &selection)?;
@@ -79,7 +115,6 @@ impl Recording {
         for (place, frame) in selection.frames.iter().enumerate() {
             // The number that `skip` counts.
             let by_time = selected.skip + place + 1;
-            let named = |e: &str| format!("message {by_time} by time: {e}");
             let message = bytes.remove(&frame.at).unwrap_or_default();
             if frame.camera.is_some() && frame.camera != last_camera {
                 since.camera_infos += 1;
@@ -92,8 +127,8 @@ impl Recording {
                     }
                     None => 0,
                 };
-                let mut stamp =
-                    stamp_of(&message).map_err(|e| (Fault::Item(e), Some(WireRefusal::Damaged)))?;
+                let mut stamp = stamp_of(&message)
+                    .map_err(|e| (Fault::Item(e.to_string()), Some(WireRefusal::Damaged)))?;
                 if let Some(wire) = &play.wire {
                     let admitted = wire.admit(&message, frame.log_time);
                     stamp = admitted.map_err(|e| (Fault::Item(e.reason().to_owned()), Some(e)))?;
@@ -109,10 +144,7 @@ impl Recording {
                 }
                 Err((fault, refusal)) => {
                     since.refused.extend(refusal);
-                    Err(match fault {
-                        Fault::Item(e) => Fault::Item(named(&e)),
-                        Fault::Params(e) => Fault::Params(named(&e)),
-                    })
+                    Err(fault.of(&format_args!("message {by_time} by time")))
                 }
             });
         }
@@ -183,7 +215,7 @@ impl Recording {
 }
 
 /// The bytes of the messages of a selection, and of their cameras.
-fn bytes_of(bag: &Bag, selection: &Selection) -> Result<BTreeMap<At, Vec<u8>>, String> {
+fn bytes_of(bag: &Bag, selection: &Selection) -> Result<BTreeMap<At, Vec<u8>>, RecordingError> {
     let mut bytes = BTreeMap::<At, Vec<u8>>::new();
     for frame in &selection.frames {
         bytes.insert(frame.at, Vec::new());
@@ -195,7 +227,7 @@ fn bytes_of(bag: &Bag, selection: &Selection) -> Result<BTreeMap<At, Vec<u8>>, S
         let Some(checked) = bytes.get_mut(&at) else { continue };
         total += message.data.len();
         if total > MOST_BYTES {
-            return Err("its messages take more than 1 GiB of memory: set `frames`".to_string());
+            return Err(RecordingError::TooLarge);
         }
         *checked = message.data;
     }
@@ -224,8 +256,11 @@ fn of_message(error: MessageError) -> (Fault, Option<WireRefusal>) {
 
 /// The remarks about a recording that is read with these parameters; none where it cannot be read, which its operator says.
 pub fn remarks(files: &dyn Files, file: &str, selected: &Selected<'_>, play: &Play<'_>) -> Vec<String> {
-    let read = Bag::open(files, file).ok().and_then(|bag| Recording::read(&bag, selected, play).ok());
-    read.map_or_else(Vec::new, |read| read.remarks().into_iter().map(|r| format!("{file}: {r}")).collect())
+    let read = Recording::open(files, file, selected, play);
+    read.map_or_else(
+        |_| Vec::new(),
+        |read| read.remarks().into_iter().map(|r| format!("{file}: {r}")).collect(),
+    )
 }
 
 /// Checks that a recording has the topic, with messages of a type that is read.
@@ -237,12 +272,12 @@ pub fn check(
     file: &str,
     topic: &str,
     camera_info: Option<&str>,
-) -> Result<Option<Reading>, String> {
+) -> Result<Option<Reading>, RecordingError> {
     match Bag::open(files, file) {
-        Ok(bag) => bag::check(&bag, topic, camera_info).map(|named| Some(named.reading)),
+        Ok(bag) => Ok(Some(bag::check(&bag, topic, camera_info)?.reading)),
         // A replay goes on without the operators whose files its session lost.
         Err(OpenError::Unreadable(_)) => Ok(None),
-        Err(OpenError::Other(reason)) => Err(reason),
+        Err(error) => Err(error.into()),
     }
 }
 
@@ -260,11 +295,11 @@ pub fn cut(
     }
     let (mut cut, mut seen, mut twice) = (BTreeMap::new(), BTreeSet::new(), BTreeSet::new());
     for (place, selected) in by_place {
-        let fault = |e: String| SetupError(format!("{place}: {e}"));
-        let bag = Bag::open(files, place).map_err(|e| fault(e.to_string()))?;
-        let selections: Result<Vec<Selection>, String> =
+        let fault = |e: &dyn std::fmt::Display| SetupError(format!("{place}: {e}"));
+        let bag = Bag::open(files, place).map_err(|e| fault(&e))?;
+        let selections: Result<Vec<Selection>, TopicError> =
             selected.into_iter().map(|selected| bag::select(&bag, selected)).collect();
-        let parts = bag::cut(&bag, &selections.map_err(fault)?).map_err(fault)?;
+        let parts = bag::cut(&bag, &selections.map_err(|e| fault(&e))?).map_err(|e| fault(&e))?;
         for ((name, part), (_, whole)) in parts.into_iter().zip(&bag.files) {
             if !seen.insert(name.clone()) {
                 twice.insert(name);
@@ -288,9 +323,9 @@ fn cure(error: &CamerasError) -> &'static str {
 }
 
 /// Stamp of the header of a message, ns; `None` where it has none.
-fn stamp_of(bytes: &[u8]) -> Result<Option<u64>, String> {
+fn stamp_of(bytes: &[u8]) -> Result<Option<u64>, CdrError> {
     let header = Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header());
-    header.map(|(stamp, _)| stamp).map_err(|e| e.to_string())
+    header.map(|(stamp, _)| stamp)
 }
 
 /// The time of acquisition of each message, of its stamp and its log time, ns: the stamps, or the log times where a stamp

@@ -14,7 +14,7 @@ use super::playback::Pace;
 use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
 use super::unit::Unit;
-use crate::bag::{Bag, Reading, Selected};
+use crate::bag::{Reading, Selected};
 use crate::camera_info::Image;
 use crate::wire::{Accepted, Admission, Clock, Counts, Intake, WireRefusal};
 
@@ -240,17 +240,18 @@ impl Operator for IngestRos2 {
 
     fn check_files(params: &Ros2Params, files: &dyn Files) -> Result<(), ParamConflict> {
         let Some(file) = &params.recording else { return Ok(()) };
-        let refused = |reason: String| ParamConflict {
+        let refused = |reason: &dyn std::fmt::Display| ParamConflict {
             params: &["recording", "topic", "messages", "camera_info"],
             reason: format!("{file}: {reason}"),
             help: "name a recording in MCAP with the same topics, as `ros2 bag info` lists them",
         };
         match recording::check(files, file, &params.topic, params.camera_info.as_deref()) {
             Ok(Some(reading)) if reading != params.reading() => {
-                Err(refused(format!("its messages on {} are not {}", params.topic, params.type_name())))
+                let (topic, name) = (&params.topic, params.type_name());
+                Err(refused(&format_args!("its messages on {topic} are not {name}")))
             }
             Ok(_) => Ok(()),
-            Err(reason) => Err(refused(reason)),
+            Err(error) => Err(refused(&error)),
         }
     }
 
@@ -281,8 +282,7 @@ impl Operator for IngestRos2 {
                 setup.operator, params.topic
             )));
         };
-        let bag = Bag::open(setup.files, file).map_err(|e| e.to_string());
-        let read = bag.and_then(|bag| Recording::read(&bag, &params.selected(), &params.play()));
+        let read = Recording::open(setup.files, file, &params.selected(), &params.play());
         let recording = Box::new(read.map_err(|e| SetupError(format!("{file}: {e}")))?);
         Ok(Self { form, from: From::Recording { recording, counts: Counts::default() } })
     }

@@ -2,7 +2,7 @@
 
 use stillpoint_operator::Choice;
 
-use crate::checks::{self, Scale};
+use crate::checks::{self, CheckError, Scale};
 
 /// A unit of coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -28,7 +28,7 @@ impl Unit {
     ///
     /// # Errors
     /// As [`checks::scale`] has it.
-    pub fn check(self, points: &[[f32; 3]]) -> Result<(), String> {
+    pub fn check(self, points: &[[f32; 3]]) -> Result<(), CheckError> {
         checks::scale(points.iter().map(|p| self.in_metres(*p)), self.scale())
     }
 
@@ -49,7 +49,7 @@ mod tests {
     #[test]
     fn millimetres_are_recognised_and_become_metres() {
         let points = [[0.0, 0.0, 430.0], INVALID_POINT, [100.0, 0.0, 500.0]];
-        let message = Unit::M.check(&points).unwrap_err();
+        let message = Unit::M.check(&points).unwrap_err().to_string();
         assert!(message.contains("430 m") && message.contains("unit: mm"), "{message}");
         assert!(Unit::Mm.check(&points).is_ok());
         assert!(Unit::M.check(&[INVALID_POINT]).is_ok() && Unit::M.check(&[[0.0, 0.0, 1.2]]).is_ok());

@@ -109,7 +109,7 @@ fn read_binary(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, PcdErro
         found: data.len(),
     })?;
     let axes = header.axes.map(|place| &header.fields[place]);
-    checks::surplus(&data[expected..], header.points()).map_err(PcdError::Surplus)?;
+    checks::surplus(&data[expected..], header.points())?;
     Ok(records
         .chunks_exact(header.record_size)
         .map(|record| checks::point(axes.map(|f| number(f.kind, &record[f.offset..]))))
@@ -128,7 +128,7 @@ fn read_compressed(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, Pcd
         return Err(PcdError::UnpackedSize { offset: offset + 4, expected, found: unpacked_size });
     }
     let (packed, rest) = packed.split_at_checked(packed_size).ok_or(short(packed_size.saturating_add(8)))?;
-    checks::surplus(rest, points).map_err(PcdError::Surplus)?;
+    checks::surplus(rest, points)?;
     if expected > packed.len().saturating_mul(lzf::MAX_EXPANSION) {
         return Err(PcdError::Compression { offset: offset + 8, unpacked: 0, expected });
     }

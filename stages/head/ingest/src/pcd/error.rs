@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::checks::Surplus;
+
 /// Why a PCD file cannot be read. Lines count from 1, columns of a record from 1, offsets in bytes from the file's start.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -151,8 +153,8 @@ pub enum PcdError {
         found: String,
     },
     /// Binary data goes on behind its last record.
-    #[error("{0}")]
-    Surplus(String),
+    #[error(transparent)]
+    Surplus(#[from] Surplus),
     /// Ascii data has another number of records than the header says.
     #[error("the header says {expected} records and line {line} ends the data with {found}")]
     RecordCount {

@@ -59,34 +59,52 @@ pub enum FaultText {
     Mend,
 }
 
+/// Why a rig does not take the command of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum FaultError {
+    #[error("the fault has no name: give one, or 0 to remove all faults")]
+    Unnamed,
+    #[error("the number of the valve or bladder must be a whole number from 0")]
+    Part,
+    #[error("the fraction that is left must be from 0 to 1")]
+    Left,
+    #[error("there is no fault {0}")]
+    Unknown(f64),
+    #[error("a leak has a diameter above 0 m, up to {LARGEST_LEAK} m")]
+    Diameter,
+    #[error("a fault lasts longer than 0 s, up to {LONGEST} s")]
+    Lasts,
+    #[error("invalid number of the {what}: {part} (allowed: 0 to {})", count.saturating_sub(1))]
+    Number { what: &'static str, part: usize, count: usize },
+}
+
 impl FaultText {
     /// What a command says: fault, part, amount and seconds, as far as they are given.
     ///
     /// # Errors
     /// The reason why a value is refused.
-    pub fn of(command: &Command) -> Result<Self, String> {
+    pub fn of(command: &Command) -> Result<Self, FaultError> {
         let given = (command.given as usize).min(command.values.len());
         let value = |i: usize| command.values[..given].get(i).copied();
         let Some(kind) = value(0) else {
-            return Err("the fault has no name: give one, or 0 to remove all faults".into());
+            return Err(FaultError::Unnamed);
         };
         if kind == 0.0 {
             return Ok(Self::Mend);
         }
-        let which = whole(value(1).unwrap_or(0.0))
-            .ok_or("the number of the valve or bladder must be a whole number from 0")?;
+        let which = whole(value(1).unwrap_or(0.0)).ok_or(FaultError::Part)?;
         let left = || {
             let left = value(2).unwrap_or(0.0);
-            (0.0..=1.0).contains(&left).then_some(left).ok_or("the fraction that is left must be from 0 to 1")
+            (0.0..=1.0).contains(&left).then_some(left).ok_or(FaultError::Left)
         };
         let known =
             RigFault::ALL.iter().map(|(_, fault)| *fault).find(|fault| f64::from(*fault as u32) == kind);
-        let fault = match known.ok_or_else(|| format!("there is no fault {kind}"))? {
+        let fault = match known.ok_or(FaultError::Unknown(kind))? {
             RigFault::StuckValve => Fault::StuckValve { valve: which },
             RigFault::Leak => {
                 let diameter = value(2).unwrap_or(LEAK);
                 if !(diameter > 0.0 && diameter <= LARGEST_LEAK) {
-                    return Err(format!("a leak has a diameter above 0 m, up to {LARGEST_LEAK} m"));
+                    return Err(FaultError::Diameter);
                 }
                 Fault::Leak { bladder: which, diameter }
             }
@@ -99,7 +117,7 @@ impl FaultText {
         let lasts = match value(3) {
             None => None,
             Some(seconds) if seconds > 0.0 && seconds <= LONGEST => Some((seconds * 1e9) as u64),
-            Some(_) => return Err(format!("a fault lasts longer than 0 s, up to {LONGEST} s")),
+            Some(_) => return Err(FaultError::Lasts),
         };
         Ok(Self::Break(fault, lasts))
     }
@@ -110,7 +128,7 @@ impl FaultText {
     ///
     /// # Errors
     /// The number of the valve or bladder, and those that there are.
-    pub fn check(&self, bladders: usize) -> Result<(), String> {
+    pub fn check(&self, bladders: usize) -> Result<(), FaultError> {
         let (what, part, count) = match self {
             Self::Break(Fault::StuckValve { valve }, _) => ("valve", *valve, 2 * bladders),
             Self::Break(Fault::Leak { bladder, .. }, _) => ("bladder", *bladder, bladders),
@@ -119,7 +137,7 @@ impl FaultText {
         if part < count {
             return Ok(());
         }
-        Err(format!("invalid number of the {what}: {part} (allowed: 0 to {})", count.saturating_sub(1)))
+        Err(FaultError::Number { what, part, count })
     }
 }
 
@@ -154,7 +172,7 @@ impl Scheduled {
 mod tests {
     use super::*;
 
-    fn reported(values: &[f64]) -> Result<FaultText, String> {
+    fn reported(values: &[f64]) -> Result<FaultText, FaultError> {
         let mut command = Command { given: values.len() as u32, ..Command::default() };
         command.values[..values.len()].copy_from_slice(values);
         FaultText::of(&command)

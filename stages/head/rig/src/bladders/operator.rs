@@ -13,7 +13,7 @@ use stillpoint_samples::{
     Cause, Command, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
 };
 
-use super::fault::{Fault, FaultText};
+use super::fault::{Fault, FaultError, FaultText};
 use super::params::BladderParams;
 use super::rigs;
 use super::simulation::{Mobility, Rig};
@@ -114,7 +114,7 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
     fn validate(params: &BladderParams) -> Result<(), ParamConflict> {
         params
             .check_faults(RIGS[RIG].bladders())
-            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why)))
+            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why.to_string())))
     }
 
     fn validate_period(params: &BladderParams, every: u64) -> Result<(), ParamConflict> {
@@ -220,7 +220,7 @@ impl<const RIG: usize> BladderRig<RIG> {
     fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
         let command = activation.fresh::<ConsoleCommand>(FAULT);
         let Some(command) = command.as_ref().and_then(|view| view.first()) else { return Ok(()) };
-        match FaultText::of(command).map_err(StepError)? {
+        match FaultText::of(command).map_err(|e| StepError(e.to_string()))? {
             FaultText::Break(fault, lasts) => {
                 self.rig.break_now(fault, lasts).map_err(|e| StepError(e.to_string()))
             }
@@ -266,7 +266,7 @@ fn chance(activation: &Activation<'_>, draw: u128) -> f64 {
 }
 
 /// Whether a rig of so many bladders takes the fault of a line of a script.
-fn scripted(line: &serde_json::Value, bladders: usize) -> Result<(), String> {
+fn scripted(line: &serde_json::Value, bladders: usize) -> Result<(), FaultError> {
     let mut command = Command::default();
     let values = line["values"].as_array().into_iter().flatten().filter_map(serde_json::Value::as_f64);
     for (to, value) in command.values.iter_mut().zip(values) {

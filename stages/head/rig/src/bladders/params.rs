@@ -3,7 +3,7 @@
 use stillpoint_operator::SetupError;
 use stillpoint_operator::{Choice, Params};
 
-use super::fault::{Fault, FaultText, Scheduled};
+use super::fault::{Fault, FaultError, FaultText, Scheduled};
 use super::hardware::Imperfections;
 use super::rigs;
 use super::safety;
@@ -213,7 +213,7 @@ impl BladderParams {
     }
 
     /// Refuses faults of valves and bladders that a rig of so many bladders does not have.
-    pub fn check_faults(&self, bladders: usize) -> Result<(), String> {
+    pub fn check_faults(&self, bladders: usize) -> Result<(), FaultError> {
         let mut all = self.faults.iter().flatten().map(FaultParams::scheduled);
         all.try_for_each(|s| FaultText::Break(s.fault, None).check(bladders))
     }

@@ -80,74 +80,84 @@ impl Volume {
     }
 }
 
-impl TryFrom<String> for Dose {
-    type Error = String;
+/// Why a text of an objective is not read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TextError {
+    /// Not a dose.
+    #[error(
+        "{0:?} is not a dose: write `35 Gy`, `95 %` (of the prescription) or `104 % of the highest` (prescription)"
+    )]
+    Dose(String),
+    /// Not a part of a structure.
+    #[error("{0:?} is not a volume: write `30 %` (of the structure; allowed: 0 to 100)")]
+    Volume(String),
+    /// Not a distance.
+    #[error("{0:?} is not a length: write `20 mm` (allowed: above 0)")]
+    Length(String),
+    /// Not a bound.
+    #[error("{0:?} is not a bound of a dose: write `<= 30 Gy` or `>= 95 %` (of the prescription)")]
+    Bound(String),
+    /// Not a point of a histogram.
+    #[error(
+        "{0:?} is not a DVH point: write one like `D95% >= 50 Gy`, `D5% <= 107 %`, `V20Gy <= 30 %` or `V95% >= 98 %`"
+    )]
+    Dvh(String),
+}
 
-    fn try_from(text: String) -> Result<Self, String> {
+impl TryFrom<String> for Dose {
+    type Error = TextError;
+
+    fn try_from(text: String) -> Result<Self, TextError> {
         let gray = number(&text, "Gy").map(Self::Gray);
         gray.or_else(|| number(&text, "%").map(Self::OfPrescription))
             .or_else(|| number(&text, "% of the highest").map(Self::OfHighest))
-            .ok_or_else(|| {
-                format!(
-                    "{text:?} is not a dose: write `35 Gy`, `95 %` (of the prescription) or `104 % of the highest` (prescription)"
-                )
-            })
+            .ok_or(TextError::Dose(text))
     }
 }
 
 impl TryFrom<String> for Volume {
-    type Error = String;
+    type Error = TextError;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, TextError> {
         let percent = number(&text, "%").filter(|percent| (0.0..=1.0).contains(&(percent / 100.0)));
-        percent.map(Self).ok_or_else(|| {
-            format!("{text:?} is not a volume: write `30 %` (of the structure; allowed: 0 to 100)")
-        })
+        percent.map(Self).ok_or(TextError::Volume(text))
     }
 }
 
 impl TryFrom<String> for Length {
-    type Error = String;
+    type Error = TextError;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, TextError> {
         let mm = number(&text, "mm").filter(|mm| *mm > 0.0);
-        mm.map(Self).ok_or_else(|| format!("{text:?} is not a length: write `20 mm` (allowed: above 0)"))
+        mm.map(Self).ok_or(TextError::Length(text))
     }
 }
 
 impl TryFrom<String> for DoseBound {
-    type Error = String;
+    type Error = TextError;
 
-    fn try_from(text: String) -> Result<Self, String> {
-        let (_, bound, right) =
-            compared(&text).filter(|(left, ..)| left.trim().is_empty()).ok_or_else(|| {
-                format!(
-                    "{text:?} is not a bound of a dose: write `<= 30 Gy` or `>= 95 %` (of the prescription)"
-                )
-            })?;
+    fn try_from(text: String) -> Result<Self, TextError> {
+        let found = compared(&text).filter(|(left, ..)| left.trim().is_empty());
+        let (_, bound, right) = found.ok_or_else(|| TextError::Bound(text.clone()))?;
         Ok(Self { bound, dose: right.to_owned().try_into()? })
     }
 }
 
 impl TryFrom<String> for DvhText {
-    type Error = String;
+    type Error = TextError;
 
-    fn try_from(text: String) -> Result<Self, String> {
-        let wrong = || {
-            format!(
-                "{text:?} is not a DVH point: write one like `D95% >= 50 Gy`, `D5% <= 107 %`, `V20Gy <= 30 %` or `V95% >= 98 %`"
-            )
-        };
+    fn try_from(text: String) -> Result<Self, TextError> {
+        let wrong = || TextError::Dvh(text.clone());
         let (left, bound, right) = compared(&text).ok_or_else(wrong)?;
         let (left, right) = (left.trim(), right.trim().to_owned());
         if let Some(volume) = left.strip_prefix('D') {
             // `D95` is `D95%`, as people write it.
             let volume = if volume.ends_with('%') { volume.to_owned() } else { format!("{volume}%") };
-            let volume = volume.try_into().map_err(|_: String| wrong())?;
+            let volume = volume.try_into().map_err(|_: TextError| wrong())?;
             return Ok(Self { reading: Reading::DoseAtVolume, bound, dose: right.try_into()?, volume });
         }
         let dose = left.strip_prefix('V').ok_or_else(wrong)?.to_owned();
-        let dose = dose.try_into().map_err(|_: String| wrong())?;
+        let dose = dose.try_into().map_err(|_: TextError| wrong())?;
         Ok(Self { reading: Reading::VolumeAtDose, bound, dose, volume: right.try_into()? })
     }
 }

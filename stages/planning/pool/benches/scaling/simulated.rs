@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
-use stillpoint_pool::{Arrival, Call, Courier, Hash, Hello, INLINE, Message, PART, To};
+use stillpoint_pool::{Arrival, Call, Courier, CourierError, Hash, Hello, INLINE, Message, PART, To};
 
 use crate::oracle::{Oracle, build, cpu};
 
@@ -325,7 +325,7 @@ impl Courier for Simulated {
         self.mark = cpu();
     }
 
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String> {
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError> {
         self.enter();
         let until = until.max(self.now);
         let arrival = loop {

@@ -21,7 +21,7 @@ use crate::call::Kind;
 use crate::fetch::Fetch;
 use crate::message::Message;
 use crate::roster::Roster;
-use crate::{Build, Call, Hash, To, WorkerState};
+use crate::{Build, Call, CallError, Hash, To, WorkerState};
 use open::{Accepted, Open};
 use sources::Sources;
 
@@ -62,7 +62,7 @@ pub trait Inside {
     ///
     /// # Errors
     /// What is wrong with it.
-    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String>;
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), CallError>;
 }
 
 /// What the client needs or has.

@@ -54,7 +54,7 @@ impl Worker {
                 self.fetch = None;
                 match self.store.put_named(content, &whole, &self.requested()) {
                     Ok(()) => self.report_held(content),
-                    Err(reason) => self.fail_calls_of(&content, &reason),
+                    Err(error) => self.fail_calls_of(&content, &error.to_string()),
                 }
             }
             Err(e) => self.not_given(&e),

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use crate::fetch::part_of;
 use crate::message::{Hello, INLINE, MOST_HELD, Message};
 use crate::opened::Opened;
-use crate::{Build, Call, Hash, Ready, Store, To};
+use crate::{Build, Call, CallError, Hash, Ready, Store, To};
 use contents::Fetching;
 
 /// Time between two greetings, ns.
@@ -148,14 +148,14 @@ impl Worker {
                     self.running.insert(key, askers);
                     return Some(Job { key, ready });
                 }
-                Err(reason) => self.report(&askers, Message::Failed { key, reason }),
+                Err(error) => self.report(&askers, Message::Failed { key, reason: error.to_string() }),
             }
         }
         None
     }
 
     /// Takes the result of a job.
-    pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, String>) {
+    pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, CallError>) {
         let askers = self.running.remove(&key).unwrap_or_default();
         let retained = result.and_then(|bytes| Ok((self.store.put(&bytes, &self.requested())?, bytes)));
         match retained {
@@ -167,7 +167,7 @@ impl Worker {
                 self.answers.insert(key, answer);
                 self.report(&askers, answer_message(key, answer, bytes));
             }
-            Err(reason) => self.report(&askers, Message::Failed { key, reason }),
+            Err(error) => self.report(&askers, Message::Failed { key, reason: error.to_string() }),
         }
     }
 

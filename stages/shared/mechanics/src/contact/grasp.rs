@@ -13,13 +13,6 @@ pub struct Touch {
     pub normal: Vector3<f64>,
 }
 
-/// Velocity of the point and angular velocity of a head with a twist `(v, w)`: `[[I, -hat r], [0, I]]` (3.33).
-pub fn contact_jacobian(arm: &Vector3<f64>) -> Matrix6<f64> {
-    let mut jacobian = Matrix6::identity();
-    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&-hat(arm));
-    jacobian
-}
-
 /// Wrench of a soft finger's force and its torque about the normal, `[[I, 0], [hat r, I]] B` (3.34).
 pub fn soft_finger(touch: &Touch) -> SMatrix<f64, 6, 4> {
     let mut map = SMatrix::<f64, 6, 4>::zeros();
@@ -110,6 +103,13 @@ pub fn least_forces(map: &DMatrix<f64>, wrench: &Vector6<f64>) -> Option<nalgebr
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// Velocity of the point and angular velocity of a head with a twist `(v, w)`: `[[I, -hat r], [0, I]]` (3.33).
+    fn contact_jacobian(arm: &Vector3<f64>) -> Matrix6<f64> {
+        let mut jacobian = Matrix6::identity();
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&-hat(arm));
+        jacobian
+    }
 
     proptest! {
         #[test]

@@ -3,7 +3,7 @@
 //! The contacts of the plants follow from the pose in closed form (`plant::rolling`). Their tests compare its motion
 //! with these equations.
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2};
 
 use super::chart::{ChartPoint, Local, Surface};
 use super::se3::Twist;
@@ -81,45 +81,45 @@ pub fn rate(bladder: &Surface, head: &Surface, contact: &Contact, twist: &Twist)
     (rate.psi.is_finite() && rate.head.amax().is_finite() && rate.bladder.amax().is_finite()).then_some(rate)
 }
 
-/// The bladder's pose in the head's frame by its contact: `R [E_1 R_psi, -n_1] = [E_h, n_h]`, `p = f_h - R f_1`.
-pub fn head_from_bladder(
-    bladder: &Surface,
-    head: &Surface,
-    contact: &Contact,
-) -> (Matrix3<f64>, Vector3<f64>) {
-    let (on_bladder, on_head) = (bladder.at(&contact.bladder), head.at(&contact.head));
-    let turned = on_bladder.tangents * chart_turn(contact.psi);
-    let from = frame(&turned, &-on_bladder.normal);
-    let rotation = frame(&on_head.tangents, &on_head.normal) * from.transpose();
-    (rotation, on_head.point - rotation * on_bladder.point)
-}
-
-fn frame(tangents: &nalgebra::Matrix3x2<f64>, normal: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::from_columns(&[tangents.column(0).into_owned(), tangents.column(1).into_owned(), *normal])
-}
-
-impl Contact {
-    /// The same contact in charts whose poles are far from it: to be asked for before each step.
-    #[must_use]
-    pub fn away_from_poles(&self, bladder: &Surface, head: &Surface) -> Self {
-        let mut contact = *self;
-        for (surface, point) in [(bladder, &mut contact.bladder), (head, &mut contact.head)] {
-            if surface.is_near_pole(point)
-                && let Some((other, turned)) = surface.switched(point)
-            {
-                *point = other;
-                contact.psi += turned;
-            }
-        }
-        contact
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::contact::chart::Poles;
+    use nalgebra::{Matrix3, Vector3};
     use proptest::prelude::*;
+
+    /// The bladder's pose in the head's frame by its contact: `R [E_1 R_psi, -n_1] = [E_h, n_h]`, `p = f_h - R f_1`.
+    fn head_from_bladder(
+        bladder: &Surface,
+        head: &Surface,
+        contact: &Contact,
+    ) -> (Matrix3<f64>, Vector3<f64>) {
+        let (on_bladder, on_head) = (bladder.at(&contact.bladder), head.at(&contact.head));
+        let turned = on_bladder.tangents * chart_turn(contact.psi);
+        let from = frame(&turned, &-on_bladder.normal);
+        let rotation = frame(&on_head.tangents, &on_head.normal) * from.transpose();
+        (rotation, on_head.point - rotation * on_bladder.point)
+    }
+
+    fn frame(tangents: &nalgebra::Matrix3x2<f64>, normal: &Vector3<f64>) -> Matrix3<f64> {
+        Matrix3::from_columns(&[tangents.column(0).into_owned(), tangents.column(1).into_owned(), *normal])
+    }
+
+    impl Contact {
+        /// The same contact in charts whose poles are far from it: to be asked for before each step.
+        fn away_from_poles(&self, bladder: &Surface, head: &Surface) -> Self {
+            let mut contact = *self;
+            for (surface, point) in [(bladder, &mut contact.bladder), (head, &mut contact.head)] {
+                if surface.is_near_pole(point)
+                    && let Some((other, turned)) = surface.switched(point)
+                {
+                    *point = other;
+                    contact.psi += turned;
+                }
+            }
+            contact
+        }
+    }
 
     const HEAD: Surface = Surface::Sphere { radius: 1.0 };
 

@@ -64,7 +64,7 @@ pub enum DescribedError {
         /// Path of the file.
         path: PathBuf,
         /// Where.
-        why: String,
+        why: Disagreement,
     },
     /// The parts make no case.
     #[error("{}: {source}", path.display())]
@@ -82,6 +82,93 @@ pub enum DescribedError {
         /// The underlying error.
         source: IntakeError,
     },
+}
+
+/// Where a JSON is at odds with itself or with a volume.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Disagreement {
+    /// Coordinates in another unit or other axes.
+    #[error("units {units:?} and axes {axes:?} are not read: `mm` and `LPS` are required")]
+    Axes {
+        /// The unit.
+        units: String,
+        /// The axes.
+        axes: String,
+    },
+    /// Too few voxels.
+    #[error("{0:?} voxels are not a volume: 2 or more along each axis are required")]
+    Flat([usize; 3]),
+    /// A value of the CT is not one.
+    #[error("{name} holds {value}, which is not a Hounsfield unit (allowed: -32768 to 32767)")]
+    Hounsfield {
+        /// The volume.
+        name: String,
+        /// The value.
+        value: f64,
+    },
+    /// A CT of another type.
+    #[error("{0} is unsigned, but a CT is int16, int32, float or double Hounsfield units")]
+    Ct(String),
+    /// Labels of another type.
+    #[error("{0} is signed, but labels are uint8, uint16 or uint32 bits")]
+    Labels(String),
+    /// A dose of another type.
+    #[error("{0} is signed or of 8 bits, but a dose is uint16 or uint32 centigray")]
+    Dose(String),
+    /// A volume in another folder.
+    #[error("{0:?} is not a plain file name: volumes must be in the folder of the JSON")]
+    Folder(String),
+    /// A volume on another grid.
+    #[error(
+        "it has {:?} voxels, spacing {:?} mm, origin {:?} mm, but the JSON says {:?}, {:?}, {:?}",
+        found.counts, found.spacing_mm, found.origin_mm, json.counts, json.spacing_mm, json.origin_mm
+    )]
+    Grid {
+        /// Grid of the volume.
+        found: Box<Grid>,
+        /// Grid of the JSON.
+        json: Box<Grid>,
+    },
+    /// A structure whose bit the labels do not have.
+    #[error(
+        "{name:?} is bit {bit}, but labels have {all} (bits 0 to {}): write them as uint32, or give a list of files as `labels`",
+        all.saturating_sub(1)
+    )]
+    Bit {
+        /// The structure.
+        name: String,
+        /// Its bit.
+        bit: u32,
+        /// Bits of the labels.
+        all: u32,
+    },
+    /// One bit for two structures.
+    #[error("two structures are bit {0}")]
+    Twice(u32),
+    /// A structure of another type.
+    #[error("{name:?} has type {kind:?}: EXTERNAL, TARGET, CTV, GTV, OAR or OTHER is required")]
+    Kind {
+        /// The structure.
+        name: String,
+        /// Its type.
+        kind: String,
+    },
+    /// Another number of voxels than is stated.
+    #[error("{name:?} has {count} voxels in the labels, but the JSON says {stated}")]
+    Voxels {
+        /// The structure.
+        name: String,
+        /// Its voxels.
+        count: usize,
+        /// Those of the JSON.
+        stated: usize,
+    },
+    /// A bit without a structure.
+    #[error("the labels use bit {0}, which no structure names")]
+    Unnamed(u32),
+    /// A dose without a structure.
+    #[error("a dose is prescribed to {0:?}, but no structure has that name")]
+    Prescribed(String),
 }
 
 #[derive(Deserialize)]
@@ -143,18 +230,13 @@ pub fn import_described_as(json: &Path, names: &NameTable, scale: Scale) -> Resu
         std::fs::read(json).map_err(|source| DescribedError::File { path: json.to_owned(), source })?;
     let description: Description = serde_json::from_slice(&text)
         .map_err(|source| DescribedError::Json { path: json.to_owned(), source })?;
-    let disagree = |why: String| DescribedError::Disagree { path: json.to_owned(), why };
+    let disagree = |why: Disagreement| DescribedError::Disagree { path: json.to_owned(), why };
     if description.units != "mm" || !description.axes.starts_with("LPS") {
-        let (units, axes) = (&description.units, &description.axes);
-        return Err(disagree(format!(
-            "units {units:?} and axes {axes:?} are not read: `mm` and `LPS` are required"
-        )));
+        return Err(disagree(Disagreement::Axes { units: description.units, axes: description.axes }));
     }
     let counts = description.shape_xyz;
     if counts.iter().any(|&n| n < 2) {
-        return Err(disagree(format!(
-            "{counts:?} voxels are not a volume: 2 or more along each axis are required"
-        )));
+        return Err(disagree(Disagreement::Flat(counts)));
     }
     let grid = Grid { counts, spacing_mm: description.spacing_mm, origin_mm: description.origin_mm };
     check_grid(&grid).map_err(|source| DescribedError::Case { path: json.to_owned(), source })?;
@@ -201,7 +283,7 @@ fn unknown_keys(description: &Description) -> Vec<String> {
 }
 
 /// Values as Hounsfield units, to the nearest.
-fn hounsfield(name: &str, values: Values) -> Result<Vec<i16>, String> {
+fn hounsfield(name: &str, values: Values) -> Result<Vec<i16>, Disagreement> {
     match values {
         Values::I16(hu) => Ok(hu),
         Values::F64(exact) => exact
@@ -212,21 +294,17 @@ fn hounsfield(name: &str, values: Values) -> Result<Vec<i16>, String> {
                 if range.contains(&hu) {
                     return Ok(hu as i16);
                 }
-                Err(format!(
-                    "{name} holds {value}, which is not a Hounsfield unit (allowed: -32768 to 32767)"
-                ))
+                Err(Disagreement::Hounsfield { name: name.to_owned(), value })
             })
             .collect(),
-        Values::U8(_) | Values::U16(_) | Values::U32(_) => {
-            Err(format!("{name} is unsigned, but a CT is int16, int32, float or double Hounsfield units"))
-        }
+        Values::U8(_) | Values::U16(_) | Values::U32(_) => Err(Disagreement::Ct(name.to_owned())),
     }
 }
 
 fn labels(
     files: &Files,
     volume: impl Fn(&str) -> Result<Values, DescribedError>,
-    disagree: impl Fn(String) -> DescribedError,
+    disagree: impl Fn(Disagreement) -> DescribedError,
 ) -> Result<Vec<Labels>, DescribedError> {
     let names = match files {
         Files::One(name) => std::slice::from_ref(name),
@@ -240,9 +318,7 @@ fn labels(
             Values::U16(v) => (v.into_iter().map(u32::from).collect(), 16),
             Values::U32(v) => (v, 32),
             Values::I16(_) | Values::F64(_) => {
-                return Err(disagree(format!(
-                    "{name} is signed, but labels are uint8, uint16 or uint32 bits"
-                )));
+                return Err(disagree(Disagreement::Labels(name.clone())));
             }
         };
         all.push(Labels { voxels, first_bit, bits });
@@ -252,20 +328,18 @@ fn labels(
 }
 
 /// A dose in centigray as gray.
-fn dose(name: &str, values: Values) -> Result<Vec<f32>, String> {
+fn dose(name: &str, values: Values) -> Result<Vec<f32>, Disagreement> {
     match values {
         Values::U16(dose) => Ok(dose.iter().map(|&c| f32::from(c) / 100.0).collect()),
         Values::U32(dose) => Ok(dose.iter().map(|&c| (f64::from(c) / 100.0) as f32).collect()),
-        Values::U8(_) | Values::I16(_) | Values::F64(_) => {
-            Err(format!("{name} is signed or of 8 bits, but a dose is uint16 or uint32 centigray"))
-        }
+        Values::U8(_) | Values::I16(_) | Values::F64(_) => Err(Disagreement::Dose(name.to_owned())),
     }
 }
 
 /// The values of a volume beside the JSON, which must lie on the grid that the JSON says.
 fn sibling(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError> {
     if Path::new(name).file_name() != Some(name.as_ref()) {
-        let why = format!("{name:?} is not a plain file name: volumes must be in the folder of the JSON");
+        let why = Disagreement::Folder(name.to_owned());
         return Err(DescribedError::Disagree { path: json.to_owned(), why });
     }
     let path = json.with_file_name(name);
@@ -288,10 +362,7 @@ fn sibling(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedErro
         || !near(found.spacing_mm, grid.spacing_mm, SAME_MM / longest)
         || !near(found.origin_mm, grid.origin_mm, SAME_MM)
     {
-        let why = format!(
-            "it has {:?} voxels, spacing {:?} mm, origin {:?} mm, but the JSON says {:?}, {:?}, {:?}",
-            found.counts, found.spacing_mm, found.origin_mm, grid.counts, grid.spacing_mm, grid.origin_mm
-        );
+        let why = Disagreement::Grid { found: Box::new(found), json: Box::new(*grid) };
         return Err(DescribedError::Disagree { path, why });
     }
     Ok(values)
@@ -302,32 +373,26 @@ fn structures(
     labels: &[Labels],
     names: &NameTable,
     notes: &mut Vec<String>,
-) -> Result<Vec<Structure>, String> {
+) -> Result<Vec<Structure>, Disagreement> {
     let mut written = Vec::new();
     let mut masks = Vec::new();
     let mut named = vec![0_u32; labels.len()];
     let all: u32 = labels.iter().map(|l| l.bits).sum();
     for Label { name, bit, kind, voxels, .. } in &description.structures {
-        let place = labels.iter().position(|l| (l.first_bit..l.first_bit + l.bits).contains(bit)).ok_or_else(|| {
-            format!(
-                "{name:?} is bit {bit}, but labels have {all} (bits 0 to {}): write them as uint32, or give a list of files as `labels`",
-                all.saturating_sub(1)
-            )
-        })?;
+        let place = labels.iter().position(|l| (l.first_bit..l.first_bit + l.bits).contains(bit));
+        let place = place.ok_or_else(|| Disagreement::Bit { name: name.clone(), bit: *bit, all })?;
         let file = &labels[place];
         let single = 1_u32 << (bit - file.first_bit);
         if named[place] & single != 0 {
-            return Err(format!("two structures are bit {bit}"));
+            return Err(Disagreement::Twice(*bit));
         }
         named[place] |= single;
-        let role = Role::of_interpreted_type(kind).ok_or_else(|| {
-            format!("{name:?} has type {kind:?}: EXTERNAL, TARGET, CTV, GTV, OAR or OTHER is required")
-        })?;
+        let role = Role::of_interpreted_type(kind)
+            .ok_or_else(|| Disagreement::Kind { name: name.clone(), kind: kind.clone() })?;
         let mask = Mask::from_fn(file.voxels.len(), |i| file.voxels[i] & single != 0);
         let count = mask.count();
-        if voxels.is_some_and(|v| v != count) {
-            let stated = voxels.unwrap_or_default();
-            return Err(format!("{name:?} has {count} voxels in the labels, but the JSON says {stated}"));
+        if let Some(stated) = voxels.filter(|stated| *stated != count) {
+            return Err(Disagreement::Voxels { name: name.clone(), count, stated });
         }
         written.push((name.as_str(), Some(role)));
         masks.push(mask);
@@ -335,7 +400,7 @@ fn structures(
     for (file, named) in labels.iter().zip(named) {
         if let Some(l) = file.voxels.iter().find(|&&l| l & !named != 0) {
             let bit = file.first_bit + (l & !named).trailing_zeros();
-            return Err(format!("the labels use bit {bit}, which no structure names"));
+            return Err(Disagreement::Unnamed(bit));
         }
     }
     let named = names.apply(&written, notes);
@@ -347,9 +412,9 @@ fn prescription(
     doses: &BTreeMap<String, f64>,
     labels: &[Label],
     structures: &[Structure],
-) -> Result<Vec<Prescription>, String> {
+) -> Result<Vec<Prescription>, Disagreement> {
     if let Some(name) = doses.keys().find(|name| !labels.iter().any(|l| &l.name == *name)) {
-        return Err(format!("a dose is prescribed to {name:?}, but no structure has that name"));
+        return Err(Disagreement::Prescribed(name.clone()));
     }
     let of = |(label, structure): (&Label, &Structure)| {
         let dose_gy = *doses.get(&label.name)?;

@@ -36,7 +36,7 @@ mod position;
 mod structure;
 mod uid;
 
-pub use described::{DescribedError, Imported, import_described, import_described_as};
+pub use described::{DescribedError, Disagreement, Imported, import_described, import_described_as};
 pub use file::{CaseFileError, ContentHash, content_hash, from_bytes, read, to_bytes, write};
 pub use inflate::InflateError;
 pub use mask::Mask;

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::records::Surplus;
+
 /// Why bytes are no PLY file that can be read. Lines and rows count from 1.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -91,6 +93,6 @@ pub enum PlyError {
         count: String,
     },
     /// There is more data than the header says.
-    #[error("{0}")]
-    Surplus(String),
+    #[error(transparent)]
+    Surplus(#[from] Surplus),
 }

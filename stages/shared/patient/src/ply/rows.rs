@@ -2,7 +2,7 @@
 
 use super::PlyError;
 use super::header::{Comment, Element, Encoding, Header, Scalar};
-use crate::records::{self, quoted};
+use crate::records::{self, Surplus, quoted};
 
 /// A number of a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -99,7 +99,7 @@ impl<'a> Ply<'a> {
     pub fn end(mut self) -> Result<(), PlyError> {
         let rows = self.header.elements.iter().map(|e| e.rows).sum::<usize>();
         if self.header.encoding != Encoding::Ascii {
-            return records::surplus(self.rest, rows).map_err(PlyError::Surplus);
+            return Ok(records::surplus(self.rest, rows)?);
         }
         let mut surplus = 0;
         while let Some(line) = self.line() {
@@ -107,9 +107,7 @@ impl<'a> Ply<'a> {
         }
         match surplus {
             0 => Ok(()),
-            _ => Err(PlyError::Surplus(format!(
-                "the header says {rows} rows, and {surplus} bytes of data follow the last one: correct the header"
-            ))),
+            _ => Err(Surplus { items: "rows", expected: rows, bytes: surplus }.into()),
         }
     }
 
@@ -152,7 +150,7 @@ fn text_row(
             Scalar::F64 => double as f32,
             _ => records::number(word).ok_or_else(not_a_number)?,
         };
-        Ok(Value { double, single })
+        Ok::<_, PlyError>(Value { double, single })
     };
     let mut at = 0;
     // What stands before the end of the row cannot be fewer numbers than its properties.

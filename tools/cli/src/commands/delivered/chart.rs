@@ -2,7 +2,7 @@
 
 use stillpoint_patient::case::{Role, Structure};
 use stillpoint_plan::metrics::Dvh;
-use stillpoint_report::chart::{Chart, Series, Style};
+use stillpoint_report::chart::{Chart, ChartError, Series, Style};
 
 use super::outcome::Outcome;
 use crate::commands::plan::percent_curve;
@@ -11,7 +11,7 @@ use crate::commands::plan::percent_curve;
 const DOTS: usize = 6;
 
 /// The chart as an SVG document.
-pub fn histograms(outcome: &Outcome<'_>) -> Result<String, String> {
+pub fn histograms(outcome: &Outcome<'_>) -> Result<String, ChartError> {
     let [planned, delivered, ungated] = outcome.histograms();
     let all = || planned.iter().chain(delivered).chain(ungated);
     let up_to_gy = 1.01 * all().map(|(_, dvh)| dvh.max()).fold(1.0, f64::max);

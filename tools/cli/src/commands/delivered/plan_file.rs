@@ -96,24 +96,33 @@ fn fluence(beam: &PlanFileBeam) -> BeamFluence {
     BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights }
 }
 
+/// Why the leaves of a plan cannot be those of a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum LeavesFault {
+    #[error("there is no leaf pair {0}")]
+    Pair(usize),
+    #[error("a field reaches more than {MOST_MM} mm from the axis")]
+    Field,
+}
+
 /// What passes the leaves, in weights of all fractions.
-fn fluences(leaves: &PlanFileLeaves, bixel_mm: f64, fractions: u32) -> Result<Vec<BeamFluence>, String> {
+fn fluences(leaves: &PlanFileLeaves, bixel_mm: f64, fractions: u32) -> Result<Vec<BeamFluence>, LeavesFault> {
     let weight_of_unit = f64::from(fractions) / leaves.collimator.mu_per_weight;
     let pairs = leaves.collimator.leaf_edges_mm.len().saturating_sub(1);
     let segment = |beam: &PlanFileLeafBeam, shape: &PlanFileSegment| {
         let over = leaves.collimator.over_travel_mm;
         let mut tips_mm = vec![[beam.field_x_z_mm[0][0].clamp(-over, over); 2]; pairs];
         for (pair, low, high) in &shape.open_pair_from_to_mm {
-            let tips = tips_mm.get_mut(*pair).ok_or_else(|| format!("there is no leaf pair {pair}"))?;
+            let tips = tips_mm.get_mut(*pair).ok_or(LeavesFault::Pair(*pair))?;
             *tips = [*low, *high];
         }
-        Ok::<_, String>(Segment { tips_mm, weight: shape.monitor_units * weight_of_unit })
+        Ok::<_, LeavesFault>(Segment { tips_mm, weight: shape.monitor_units * weight_of_unit })
     };
     let fluence = |beam: &PlanFileLeafBeam| {
         if beam.field_x_z_mm.iter().flatten().any(|mm| mm.abs() > MOST_MM) {
-            return Err(format!("a field reaches more than {MOST_MM} mm from the axis"));
+            return Err(LeavesFault::Field);
         }
-        let segments: Result<Vec<Segment>, String> =
+        let segments: Result<Vec<Segment>, LeavesFault> =
             beam.segments.iter().map(|shape| segment(beam, shape)).collect();
         let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
         let (bixels_mm, weights) = shaped.fluence(&leaves.collimator, bixel_mm);

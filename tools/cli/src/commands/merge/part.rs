@@ -8,9 +8,9 @@ use stillpoint_pipeline::config;
 use stillpoint_pipeline::graph::{Graph, Wire};
 use stillpoint_pipeline::session::{PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
-use stillpoint_recorder::{Recorded, Session};
+use stillpoint_recorder::{Recorded, Session, SessionError};
 use stillpoint_report::pipeline_of;
-use stillpoint_samples::{Diagnostics, Pieces, Sample};
+use stillpoint_samples::{BytesError, Diagnostics, Pieces, Sample};
 
 use super::wrong;
 use crate::exit::Failure;
@@ -72,8 +72,19 @@ fn whole(
     config::check(pipeline, PIPELINE, sets, registry, files)
 }
 
+/// Why a measurement of a clock is not read.
+#[derive(Debug, thiserror::Error)]
+enum ClockError {
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Bytes(#[from] BytesError),
+    #[error("the offset {offset} s with the uncertainty {uncertainty} s is none")]
+    Offset { offset: f64, uncertainty: f64 },
+}
+
 /// The clocks of the hosts from which this host took samples.
-fn measured(session: &Session, whole: &Graph, host: &str) -> Result<Vec<(String, ClockOffset)>, String> {
+fn measured(session: &Session, whole: &Graph, host: &str) -> Result<Vec<(String, ClockOffset)>, ClockError> {
     let host_of = |operator: usize| &whole.processes[whole.operators[operator].process].host;
     let mut found = Vec::new();
     for (number, far) in whole.operators.iter().enumerate() {
@@ -83,7 +94,7 @@ fn measured(session: &Session, whole: &Graph, host: &str) -> Result<Vec<(String,
         let Some(edge) = far.inputs.iter().find_map(|input| input.edge) else { continue };
         let topic = format!("{}.diagnostics", far.name);
         for sample in session.samples_where(|t| t.name == topic) {
-            let sample = sample.map_err(|e| e.to_string())?;
+            let sample = sample?;
             found.extend(clock_of(&sample)?.map(|clock| (host_of(edge.operator).clone(), clock)));
         }
     }
@@ -91,9 +102,9 @@ fn measured(session: &Session, whole: &Graph, host: &str) -> Result<Vec<(String,
 }
 
 /// The clock in a sample of diagnostics.
-fn clock_of(sample: &Recorded) -> Result<Option<ClockOffset>, String> {
-    let pieces = Pieces::split(Diagnostics::KIND, &sample.sample).map_err(|e| e.to_string())?;
-    let view = pieces.view::<Diagnostics>().map_err(|e| e.to_string())?;
+fn clock_of(sample: &Recorded) -> Result<Option<ClockOffset>, ClockError> {
+    let pieces = Pieces::split(Diagnostics::KIND, &sample.sample)?;
+    let view = pieces.view::<Diagnostics>()?;
     let number = |name: &str| view.elements.iter().find(|m| m.name() == name).map(|m| m.value);
     let (Some(offset), Some(uncertainty)) = (number("clock_offset_s"), number("clock_uncertainty_s")) else {
         return Ok(None);
@@ -104,6 +115,6 @@ fn clock_of(sample: &Recorded) -> Result<Option<ClockOffset>, String> {
     };
     match (nanoseconds(offset), nanoseconds(uncertainty).filter(|ns| *ns >= 0)) {
         (Some(offset), Some(uncertainty)) => Ok(Some(ClockOffset { offset, uncertainty })),
-        _ => Err(format!("the offset {offset} s with the uncertainty {uncertainty} s is none")),
+        _ => Err(ClockError::Offset { offset, uncertainty }),
     }
 }

@@ -7,13 +7,13 @@ use super::outcome::Outcome;
 use super::request::Request;
 use super::table::angles;
 use stillpoint_plan::recipe::PlanRun;
-use stillpoint_report::chart::{Chart, Series, Style};
+use stillpoint_report::chart::{Chart, ChartError, Series, Style};
 
 /// Points of a histogram.
 const STEPS: usize = 300;
 
 /// Dose-volume histograms of the structures: lines as planned, dashes as it came with the case or in the other set-ups.
-pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, String> {
+pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, ChartError> {
     let planned = &outcome.given[0].histograms;
     let reference = outcome.reference_given.as_ref().map(|given| &given.histograms);
     let up_to = up_to_gy(planned.iter().chain(reference.into_iter().flatten()).map(|(_, dvh)| dvh));
@@ -84,7 +84,7 @@ pub fn percent_curve(dvh: &Dvh, up_to_gy: f64) -> Vec<(f64, f64)> {
 }
 
 /// Cost of each solve, and the best until then. Sets of fewer beams are shown where they do not dwarf the others.
-pub fn objective(request: &Request, run: &PlanRun) -> Result<String, String> {
+pub fn objective(request: &Request, run: &PlanRun) -> Result<String, ChartError> {
     let full = || run.history.iter().filter(|p| p.beams.beams().len() >= request.beams).map(|p| p.cost);
     let most = if full().count() < 3 { f64::INFINITY } else { full().fold(0.0, f64::max) };
     let costs = |name: String, requested: &dyn Fn(usize) -> bool| {
@@ -114,7 +114,7 @@ pub fn objective(request: &Request, run: &PlanRun) -> Result<String, String> {
 }
 
 /// The best of each method over its solves.
-pub fn comparison(request: &Request, runs: &[PlanRun]) -> Result<String, String> {
+pub fn comparison(request: &Request, runs: &[PlanRun]) -> Result<String, ChartError> {
     let series = |run: &PlanRun| Series {
         name: run.name.word().to_owned(),
         points: with_end(

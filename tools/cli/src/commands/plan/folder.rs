@@ -15,6 +15,7 @@ use super::tree;
 use crate::exit::Failure;
 use crate::picture::{Plane, Wash, wash};
 use stillpoint_plan::recipe::PlanRun;
+use stillpoint_report::chart::ChartError;
 
 /// The upper end of the scale of doses, as a part of the prescription.
 const SCALE: f64 = 1.1;
@@ -39,7 +40,7 @@ pub fn write(
     let mut files = Vec::new();
     let plan = outcome.file(request, prepared, runs).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", plan.to_json().map_err(Failure::failed)?.as_bytes())?);
-    let svg = |text: Result<String, String>| text.map_err(Failure::failed);
+    let svg = |text: Result<String, ChartError>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
     if let Some(tree) = tree::drawing(request.setup.spec.ring, request.beams, &outcome.run.history) {

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix6, Point3, Vector6};
 use serde::Serialize;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pose::PoseNumbers;
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{
@@ -273,7 +273,7 @@ impl Observer for Watch {
         operator: usize,
         entry: &Entry,
         outputs: &[(usize, OwnedSample)],
-    ) -> Result<(), String> {
+    ) -> Result<(), ObserverError> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         if entry.outcome().is_none_or(Outcome::is_failure) {

@@ -94,11 +94,16 @@ pub struct Optimum {
     json: bool,
 }
 
-fn ring(text: &str) -> Result<u16, String> {
+/// A ring with another number of angles.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}: the ring has 18 or 90 angles")]
+struct OtherRing(String);
+
+fn ring(text: &str) -> Result<u16, OtherRing> {
     match text {
         "18" => Ok(18),
         "90" => Ok(90),
-        other => Err(format!("{other}: the ring has 18 or 90 angles")),
+        other => Err(OtherRing(other.to_owned())),
     }
 }
 

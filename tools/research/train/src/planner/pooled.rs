@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 
 use stillpoint_network::{Due, Model};
-use stillpoint_pool::{Courier, Pool, PoolGames};
+use stillpoint_pool::{CallError, Courier, Pool, PoolGames};
 
 use super::plan;
 use super::players::{Done, Players};
@@ -31,9 +31,9 @@ impl<C: Courier> Players for Pooled<C> {
         let mut failed = None;
         let doubtful = self.games.play(&mut self.pool, network, due, &mut |place, game| {
             done(place, game).map_err(|e| {
-                let text = e.to_string();
+                let ended = CallError::Fault(e.to_string().into());
                 failed = Some(e);
-                text
+                ended
             })
         });
         match (failed, doubtful) {

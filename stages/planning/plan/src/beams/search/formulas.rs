@@ -3,36 +3,9 @@
 use chacha20::ChaCha8Rng;
 use rand::RngExt as _;
 
-/// Upper confidence bound of a child, `Q + c sqrt(2 ln n / N)` (5.8); infinite for a child without visits.
-pub fn uct(q: f64, visits: u32, parent_visits: u32, c: f64) -> f64 {
-    match visits {
-        0 => f64::INFINITY,
-        n => q + c * (2.0 * libm::log(f64::from(parent_visits)) / f64::from(n)).sqrt(),
-    }
-}
-
 /// The bound with a prior, `Q + c P sqrt(sum N) / (1 + N)`; `all_visits` is the sum over the children.
 pub fn puct(q: f64, prior: f64, visits: u32, all_visits: u32, c: f64) -> f64 {
     q + c * prior * f64::from(all_visits).sqrt() / (1.0 + f64::from(visits))
-}
-
-/// The policy of visits, `N^(1/tau) / sum` (5.7): 0 for children without visits. At `tau` 0 the child of most visits has
-/// all, the first among equals. Without any visit every child has the same.
-pub fn visit_policy(visits: &[u32], tau: f64) -> Vec<f64> {
-    let most = visits.iter().copied().max().unwrap_or(0);
-    if most == 0 {
-        return vec![1.0 / visits.len().max(1) as f64; visits.len()];
-    }
-    if tau <= 0.0 {
-        let first = visits.iter().position(|n| *n == most);
-        return (0..visits.len()).map(|i| if Some(i) == first { 1.0 } else { 0.0 }).collect();
-    }
-    let logarithm = |n: u32| libm::log(f64::from(n)) / tau;
-    let top = logarithm(most);
-    let powers: Vec<f64> =
-        visits.iter().map(|n| if *n == 0 { 0.0 } else { libm::exp(logarithm(*n) - top) }).collect();
-    let sum: f64 = powers.iter().sum();
-    powers.into_iter().map(|power| power / sum).collect()
 }
 
 /// Probabilities that grow with the exponential of the scores.

@@ -35,23 +35,6 @@ pub trait Game {
     fn cost(&mut self, place: &Self::Place) -> Result<f64, Self::Error>;
 }
 
-/// The moves of the root after a search.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RootMoves {
-    /// Visits of each.
-    pub visits: Vec<u32>,
-    /// Mean cost of each; NaN without visits.
-    pub mean_cost: Vec<f64>,
-}
-
-impl RootMoves {
-    /// The move of most visits, the first among equals.
-    pub fn most_visited(&self) -> Option<usize> {
-        let most = self.visits.iter().max()?;
-        self.visits.iter().position(|visits| visits == most)
-    }
-}
-
 struct Node<P> {
     place: P,
     player: Player,
@@ -117,13 +100,10 @@ impl<G: Game> GameTree<G> {
         Ok(())
     }
 
-    /// The root's moves.
-    pub fn root_moves(&self) -> RootMoves {
-        let children = || self.nodes.first().map_or(&[][..], |root| &root.children);
-        RootMoves {
-            visits: children().iter().map(|child| child.visits).collect(),
-            mean_cost: children().iter().map(|child| child.total / f64::from(child.visits)).collect(),
-        }
+    /// Visits of the root's moves.
+    #[cfg(test)]
+    pub(super) fn root_visits(&self) -> Vec<u32> {
+        self.nodes[0].children.iter().map(|child| child.visits).collect()
     }
 
     fn add(&mut self, place: G::Place) -> usize {

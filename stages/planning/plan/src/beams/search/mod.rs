@@ -4,11 +4,12 @@
 //! - `retained`: what a beam is expected to bring beside those that stay
 //! - `tree`: PUCT over exchanges, the default
 //! - `game`: tree search of games with costs (algorithm 1); `beam_games`: construction beam by beam, and two players
-//! - `matrix`: matrix games
+//! - `matrix`: matrix games, which no search needs: the tests compare them with the reference vectors
 
 mod beam_games;
 mod formulas;
 mod game;
+#[cfg(test)]
 mod matrix;
 mod retained;
 #[cfg(test)]
@@ -16,9 +17,8 @@ mod tests;
 mod tree;
 
 pub use beam_games::BeamGame;
-pub use formulas::{dirichlet, puct, softmax, uct, visit_policy};
-pub use game::{Game, GameTree, Player, RootMoves};
-pub use matrix::{Mixed, exploitability, fictitious_play, gain_floor, loss_ceiling, saddle_point};
+pub use formulas::{dirichlet, puct, softmax};
+pub use game::{Game, GameTree, Player};
 
 pub(super) use beam_games::play;
 

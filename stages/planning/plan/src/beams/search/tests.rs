@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::formulas::{dirichlet, puct, uct, visit_policy};
+use super::formulas::{dirichlet, puct};
 use super::game::{Game, GameTree, Player};
 use super::matrix::{exploitability, fictitious_play, gain_floor, loss_ceiling, saddle_point};
 use crate::beams::random::draw;
@@ -13,6 +13,33 @@ fn cases(name: &str) -> Vec<Value> {
     let cases = vectors["cases"].as_array().unwrap().clone();
     assert!(!cases.is_empty());
     cases
+}
+
+/// Upper confidence bound of a child, `Q + c sqrt(2 ln n / N)` (5.8); infinite for a child without visits.
+fn uct(q: f64, visits: u32, parent_visits: u32, c: f64) -> f64 {
+    match visits {
+        0 => f64::INFINITY,
+        n => q + c * (2.0 * libm::log(f64::from(parent_visits)) / f64::from(n)).sqrt(),
+    }
+}
+
+/// The policy of visits, `N^(1/tau) / sum` (5.7): 0 for children without visits. At `tau` 0 the child of most visits has
+/// all, the first among equals. Without any visit every child has the same.
+fn visit_policy(visits: &[u32], tau: f64) -> Vec<f64> {
+    let most = visits.iter().copied().max().unwrap_or(0);
+    if most == 0 {
+        return vec![1.0 / visits.len().max(1) as f64; visits.len()];
+    }
+    if tau <= 0.0 {
+        let first = visits.iter().position(|n| *n == most);
+        return (0..visits.len()).map(|i| if Some(i) == first { 1.0 } else { 0.0 }).collect();
+    }
+    let logarithm = |n: u32| libm::log(f64::from(n)) / tau;
+    let top = logarithm(most);
+    let powers: Vec<f64> =
+        visits.iter().map(|n| if *n == 0 { 0.0 } else { libm::exp(logarithm(*n) - top) }).collect();
+    let sum: f64 = powers.iter().sum();
+    powers.into_iter().map(|power| power / sum).collect()
 }
 
 fn number(value: &Value) -> f64 {
@@ -148,9 +175,10 @@ fn game_trees_find_the_moves_of_the_vectors() {
         for _ in 0..iterations {
             tree.visit().unwrap();
         }
-        let found = tree.root_moves();
-        assert_eq!(found.most_visited().unwrap() as u64, out["best_root_action"].as_u64().unwrap());
-        for (found, expected) in found.visits.iter().zip(numbers(&out["reference_root_visits"])) {
+        let visits = tree.root_visits();
+        let most_visited = visits.iter().position(|v| Some(v) == visits.iter().max()).unwrap();
+        assert_eq!(most_visited as u64, out["best_root_action"].as_u64().unwrap());
+        for (found, expected) in visits.iter().zip(numbers(&out["reference_root_visits"])) {
             let off = (f64::from(*found) - expected).abs();
             assert!(off <= 0.01 * iterations as f64, "{}: {found} {expected}", case["id"]);
         }

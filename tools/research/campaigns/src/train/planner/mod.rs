@@ -251,11 +251,15 @@ impl Planner {
     }
 }
 
+/// A name that no group of features has.
+#[derive(Debug, thiserror::Error)]
+#[error("the groups of features are {}", Group::ALL.map(Group::name).join(", "))]
+struct NoGroup;
+
 /// A group of features by its name.
-fn group(text: &str) -> Result<Group, String> {
-    let names = Group::ALL.map(Group::name).join(", ");
+fn group(text: &str) -> Result<Group, NoGroup> {
     let found = Group::ALL.into_iter().find(|group| group.name() == text);
-    found.ok_or_else(|| format!("the groups of features are {names}"))
+    found.ok_or(NoGroup)
 }
 
 /// The case files of a folder, by the numbers and words of their names.

@@ -58,7 +58,7 @@ impl Player {
             let Ok(order) = serde_json::from_str::<Order>(&line.map_err(Failure::failed)?) else { break };
             let played = match played(&order, &mut weights) {
                 Ok(game) => PlayerMessage::Played(Box::new(game)),
-                Err(why) => PlayerMessage::Failed(why),
+                Err(failure) => PlayerMessage::Failed(failure.text),
             };
             say(&played)?;
         }
@@ -66,20 +66,20 @@ impl Player {
     }
 }
 
-fn played(order: &Order, weights: &mut Receiver) -> Result<Game, String> {
+fn played(order: &Order, weights: &mut Receiver) -> Result<Game, Failure> {
     let network = match &order.network {
         None => None,
         Some(requested) => {
-            let newest = weights.newest().map_err(|e| e.text)?;
-            let newest = newest.ok_or("no weights have come")?;
-            if newest.hash().map_err(|e| e.to_string())? != *requested {
-                return Err("the newest weights are not those of the order".to_owned());
+            let newest = weights.newest()?;
+            let newest = newest.ok_or_else(|| Failure::failed("no weights have come"))?;
+            if newest.hash().map_err(Failure::failed)? != *requested {
+                return Err(Failure::failed("the newest weights are not those of the order"));
             }
             Some(newest)
         }
     };
     let due = &order.due;
-    play(network, &due.patient, due.seed, due.rules, NonZeroUsize::MIN).map_err(|e| e.to_string())
+    play(network, &due.patient, due.seed, due.rules, NonZeroUsize::MIN).map_err(Failure::failed)
 }
 
 fn say(message: &PlayerMessage) -> Result<(), Failure> {

@@ -1,0 +1,54 @@
+//! Why the bridge, or a subcommand, cannot go on.
+
+use stillpoint_pool::{BuildError, StoreError};
+use stillpoint_remote::{PkiError, RemoteError, TlsError};
+
+/// Why the bridge, or a subcommand, cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// The network.
+    #[error(transparent)]
+    Remote(#[from] RemoteError),
+    /// A certificate cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// A certificate cannot be issued.
+    #[error(transparent)]
+    Pki(#[from] PkiError),
+    /// The certificate is that of another part.
+    #[error("the certificate has the role `{role}`, which may not {what}: use one of {roles}")]
+    Role {
+        /// Its role.
+        role: &'static str,
+        /// What others would not let it do.
+        what: &'static str,
+        /// The roles that may.
+        roles: String,
+    },
+    /// The build cannot be named.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The cache cannot be opened.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The system.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The clock of the machine is before 1970.
+    #[error(transparent)]
+    Clock(#[from] std::time::SystemTimeError),
+    /// A time to wait that is not one.
+    #[error("--seconds {0}: give 0.5 to 3600")]
+    Seconds(f64),
+    /// There is no worker.
+    #[error("no worker greeted within {seconds} s at {endpoint}")]
+    NoWorker {
+        /// How long it waited.
+        seconds: f64,
+        /// Where.
+        endpoint: String,
+    },
+    /// A worker without a router.
+    #[error("give --connect or --listen")]
+    NoEndpoint,
+}
