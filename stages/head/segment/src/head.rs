@@ -162,9 +162,7 @@ impl HeadFinder {
                 Some(ball) if lies_on(ball) => {
                     Unlike::Hidden { shown: params.part_shown(ball), least: SHOWN }
                 }
-                Some(ball) => {
-                    Unlike::Low { height: height(ball) + plane.offset, least: lying * ball.radius }
-                }
+                Some(ball) => Unlike::Low { height: height(ball) + plane.offset, least: lying * ball.radius },
             };
             return Err(NoHead::Nothing(unlike));
         }

@@ -108,7 +108,9 @@ fn text_of_unlike(above: usize, unlike: Unlike) -> String {
         }
         Unlike::Hidden { shown, least } => {
             let (shown, least) = (percent(shown), percent(least));
-            format!("a round thing shows {shown} % of its side, a head {least}: uncover it or move the camera")
+            format!(
+                "a round thing shows {shown} % of its side, a head {least}: uncover it or move the camera"
+            )
         }
     }
 }
