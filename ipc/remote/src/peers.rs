@@ -326,7 +326,7 @@ mod tests {
 
     fn beat(host: &str, edges: usize) -> (String, Vec<u8>) {
         let sends = (0..edges)
-            .map(|n| Sends { edge: n.to_string(), channel: String::new(), end: 1, put: 1 })
+            .map(|n| Sends { edge: n.to_string(), channel: "depth".to_owned(), end: 1, put: 1 })
             .collect();
         let beat = Beat {
             protocol: crate::beat::PROTOCOL,
