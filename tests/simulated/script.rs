@@ -12,17 +12,6 @@ use crate::registry;
 
 const KEY: &[u8] = include_bytes!("../../examples/data/rig.key");
 
-struct NoFiles;
-
-impl stillpoint_operator::Files for NoFiles {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        Err(format!("there is no {name}"))
-    }
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
-        Err(format!("there is no {name}"))
-    }
-}
-
 const CONSOLE: &str = "stillpoint: 1
 name: script
 operators:
@@ -33,7 +22,7 @@ operators:
 fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
     let script = "{ at: 110 ms, say: target, values: [0.01, -0.002] }, { at: 0 s, say: capture }, \
                   { at: 40 ms, say: arm }, { at: 41 ms, say: disarm }";
-    let run = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500).unwrap();
+    let run = run(&CONSOLE.replace("SCRIPT", script), &registry(), &MemoryFiles::default(), 500).unwrap();
     let output_text = |verb: &str| -> Vec<(u64, Vec<f64>)> {
         let samples = run.samples::<ConsoleCommand>(&format!("console.{verb}"));
         let at = |s: &stillpoint_samples::View<'_, ConsoleCommand>| (s.header.stamp - START) / 1_000_000;
@@ -51,7 +40,8 @@ fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
 #[test]
 fn a_command_with_too_many_values_is_refused() {
     let script = "{ at: 1 s, say: target, values: [1, 2, 3, 4, 5, 6, 7] }";
-    let Err(output_text) = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500) else {
+    let Err(output_text) = run(&CONSOLE.replace("SCRIPT", script), &registry(), &MemoryFiles::default(), 500)
+    else {
         panic!("it ran");
     };
     assert!(output_text.contains("up to 6"), "{output_text}");
@@ -194,7 +184,7 @@ fn a_command_that_is_accepted_is_said_once() {
 fn a_repeated_command_without_an_answer_is_refused_by_the_check() {
     let output_text = |script: &str| {
         let text = CONSOLE.replace("SCRIPT", script);
-        let faults = check(&text, "x.yaml", &[], &registry(), &NoFiles).err();
+        let faults = check(&text, "x.yaml", &[], &registry(), &MemoryFiles::default()).err();
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
     assert!(output_text("{ at: 0 s, say: arm, repeat: 1 s }").contains("needs the input `actuation`"));
