@@ -65,10 +65,10 @@ impl MergedPart {
     }
 }
 
-fn span(session: &Session) -> Result<Option<[u64; 2]>, String> {
+fn span(session: &Session) -> Result<Option<[u64; 2]>, SessionError> {
     let mut span: Option<[u64; 2]> = None;
     for sample in session.samples() {
-        let at = sample.map_err(|e| e.to_string())?.log_time;
+        let at = sample?.log_time;
         let [first, last] = span.unwrap_or([at; 2]);
         span = Some([first.min(at), last.max(at)]);
     }
