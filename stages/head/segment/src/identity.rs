@@ -112,7 +112,7 @@ impl ShapeLack {
             Self::Neck => "has no neck that sets it off",
             Self::Body => "has no body footwards of it",
             Self::Shoulders => "has no shoulders",
-            Self::Midline => "is beside its body's midline",
+            Self::Midline => "is off its body's midline",
         }
     }
 }

@@ -154,7 +154,7 @@ fn a_frame_without_a_head_says_what_is_amiss() {
     let flat = why(&scene(&[HEAD, CUP]).0).unwrap_err();
     assert!(flat.contains("none as round as a head"), "{flat}");
     let low = why(&ball(0.03, 0)).unwrap_err();
-    assert!(low.contains("mm up, a head's") && low.contains("lower what lies around it"), "{low}");
+    assert!(low.contains("mm up, a head's") && low.contains("lower what is around it"), "{low}");
     let hidden = why(&ball(0.1, 172)).unwrap_err();
     assert!(hidden.contains("% of its side, a head 35: uncover it"), "{hidden}");
 }

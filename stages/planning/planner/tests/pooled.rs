@@ -152,7 +152,7 @@ impl Operator for Crew {
             let to = if to.is_empty() { To::All } else { To::one(to) };
             self.simulated.send(&to, bytes.to_vec());
         }
-        while let Some(arrival) = self.simulated.receive(now).map_err(StepError)? {
+        while let Some(arrival) = self.simulated.receive(now).map_err(|e| StepError(e.to_string()))? {
             let message = Message::from_bytes(&arrival.bytes).unwrap();
             let (body, elements) = topic::sample(&To::One(arrival.from), &message);
             if is_open {

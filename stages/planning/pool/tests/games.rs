@@ -104,7 +104,7 @@ fn a_game_that_nobody_can_play_is_an_error_with_its_name() {
     let mut pool = pool(0.0, &[Part::default()]);
     let mut players = PoolGames::new(NonZeroUsize::MIN);
     let fault = players.play(&mut pool, None, &games, &mut |_, _| Ok(())).unwrap_err();
-    assert!(fault.starts_with("crowded, varied-1-plain: "), "{fault}");
+    assert!(fault.to_string().starts_with("crowded, varied-1-plain: "), "{fault}");
 }
 
 #[test]

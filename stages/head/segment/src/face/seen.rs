@@ -104,7 +104,7 @@ fn text_of_unlike(above: usize, unlike: Unlike) -> String {
         }
         Unlike::Low { height, least } => {
             let (height, least) = (mm(height), mm(least));
-            format!("a round thing's middle is {height} mm up, a head's {least}: lower what lies around it")
+            format!("a round thing's middle is {height} mm up, a head's {least}: lower what is around it")
         }
         Unlike::Hidden { shown, least } => {
             let (shown, least) = (percent(shown), percent(least));
