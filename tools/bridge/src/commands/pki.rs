@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use stillpoint_arguments::{Pki, PkiTask, RoleName};
 use stillpoint_remote::{Authority, Role, Tls, TlsFiles};
 
-use crate::error::BridgeError;
 use super::exchange::ended;
+use crate::error::BridgeError;
 
 fn role_of(name: RoleName) -> Role {
     match name {

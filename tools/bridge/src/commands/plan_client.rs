@@ -10,9 +10,9 @@ use stillpoint_arguments::TlsArgs;
 use stillpoint_pool::pipe::{read_frame, write_frame};
 use stillpoint_remote::{Mailbox, Tls};
 
-use crate::error::BridgeError;
 use super::exchange::{ended, open};
 use super::tls::{Use, allow, load};
+use crate::error::BridgeError;
 
 /// Carry the messages of `stillpoint plan --pool`, which starts it: frames on standard input and output.
 #[derive(Args)]
@@ -55,7 +55,12 @@ impl PlanClient {
 }
 
 /// Hands on what arrives, until the asking process has ended.
-fn carry(name: &str, endpoint: &str, tls: Option<Arc<Tls>>, place: &OnceLock<Mailbox>) -> Result<(), BridgeError> {
+fn carry(
+    name: &str,
+    endpoint: &str,
+    tls: Option<Arc<Tls>>,
+    place: &OnceLock<Mailbox>,
+) -> Result<(), BridgeError> {
     let Some(opened) = open(name, endpoint, tls, || false)? else { return Ok(()) };
     let mailbox = place.get_or_init(|| opened);
     let mut output = stdout().lock();

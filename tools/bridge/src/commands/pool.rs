@@ -8,9 +8,9 @@ use stillpoint_arguments::Pool;
 use stillpoint_pool::{Build, Hello, Message};
 use stillpoint_remote::Mailbox;
 
-use crate::error::BridgeError;
 use super::exchange::{PREFIX, ended};
 use super::tls::{Use, allow, load};
+use crate::error::BridgeError;
 
 struct Received {
     first: (Instant, u64),

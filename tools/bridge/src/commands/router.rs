@@ -7,9 +7,9 @@ use std::time::Duration;
 use stillpoint_arguments::Router;
 use stillpoint_remote::{Router as Session, Tls};
 
-use crate::error::BridgeError;
 use super::exchange::{Ending, PREFIX, ended};
 use super::tls::load;
+use crate::error::BridgeError;
 
 /// How often the files of the certificate are looked at.
 const LOOK: Duration = Duration::from_millis(250);

@@ -11,10 +11,10 @@ use stillpoint_arguments::Worker;
 use stillpoint_pool::{Build, CallError, Hash, Job, Store, To, Worker as State, WorkerSettings};
 use stillpoint_remote::Mailbox;
 
-use crate::error::BridgeError;
 use super::exchange::{Ending, ended, open};
 use super::router::Hub;
 use super::tls::{Use, allow, load};
+use crate::error::BridgeError;
 
 /// How the names of workers begin: access lists know workers by it.
 const NAMES: &str = "worker-";
@@ -125,8 +125,8 @@ fn compute(queue: &Mutex<Receiver<Job>>, happens: &Sender<Happened>) {
         let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(job) = job else { return };
         // A panic is a fault of this program, but no reason to leave the other calls without an answer.
-        let result = catch_unwind(AssertUnwindSafe(|| job.ready.compute()))
-            .unwrap_or_else(|_| Err(CallError::Panic));
+        let result =
+            catch_unwind(AssertUnwindSafe(|| job.ready.compute())).unwrap_or_else(|_| Err(CallError::Panic));
         if happens.send(Happened::Result(job.key, result)).is_err() {
             return;
         }

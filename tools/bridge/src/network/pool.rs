@@ -16,9 +16,9 @@ use stillpoint_transport::{
 };
 use zerocopy::IntoBytes;
 
-use crate::error::BridgeError;
 use crate::commands::exchange::PREFIX;
 use crate::commands::tls::{Use, allow};
+use crate::error::BridgeError;
 
 /// Messages that wait to be handed over; one more costs the oldest.
 const MOST_WAITING: usize = 256;

@@ -154,8 +154,7 @@ impl Plans {
             for &bixel_mm in &self.bixels {
                 for &beams in &self.beams {
                     let plan = Planned::new(&case, table, (beams, bixel_mm), self.threads);
-                    let loss =
-                        plan.and_then(|plan| Loss::of(&name, &case, &plan))?;
+                    let loss = plan.and_then(|plan| Loss::of(&name, &case, &plan))?;
                     if !self.json {
                         outln!("{}", loss.line());
                     }
@@ -303,7 +302,11 @@ impl Loss {
     /// With the numbers of `stillpoint plan`.
     fn of(name: &str, case: &Case, plan: &Planned) -> Result<Self, Failure> {
         let machine = machine()?;
-        let collimator = machine.file().collimator.as_ref().ok_or_else(|| Failure::failed("the machine has no collimator"))?;
+        let collimator = machine
+            .file()
+            .collimator
+            .as_ref()
+            .ok_or_else(|| Failure::failed("the machine has no collimator"))?;
         let mu_per_weight = collimator.mu_per_weight / f64::from(case.fractions().unwrap_or(1));
         let bixel_mm = plan.params.bixels.width_mm;
         let options = LeafOptions {
