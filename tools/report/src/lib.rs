@@ -71,7 +71,7 @@ pub use error::ReportError;
 pub use escape::escape;
 pub use page::Section;
 pub use picture::base64;
-pub use session_pipeline::{SessionPipelineError, pipeline_of};
+pub use session_pipeline::{MERGED, SessionPipelineError, pipeline_of};
 
 /// All sections of the report of the session at `path`, with at most this number of `pictures` per camera.
 ///
