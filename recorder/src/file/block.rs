@@ -93,7 +93,7 @@ impl Block {
 
     /// Largest size that is taken for no bomb: a small file must not cost the memory of a large one.
     fn plausible(&self) -> u64 {
-        self.stored.saturating_mul(PLAUSIBLE_RATIO).max(PLAUSIBLE_BYTES).min(LARGEST_CHUNK)
+        self.stored.saturating_mul(PLAUSIBLE_RATIO).clamp(PLAUSIBLE_BYTES, LARGEST_CHUNK)
     }
 
     /// Reads the block into `bytes`; `stored` is room for what is not decompressed yet. Memory grows with what comes
