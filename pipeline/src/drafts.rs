@@ -58,8 +58,6 @@ pub struct Draft {
     pub port: usize,
     /// Its bytes.
     pub buffer: Buffer,
-    /// The port's memory was used up: the sample is made and counted, but cannot be sent.
-    pub pool_exhausted: bool,
 }
 
 /// The drafts of one activation, as its operator writes them.
@@ -86,12 +84,10 @@ impl OutputBuffers for DraftBuffers<'_> {
         // What was open and not kept goes back before the next loan.
         self.open = None;
         let Some((kind, _)) = self.kinds.get(port) else { return };
-        let (mut buffer, pool_exhausted) = match self.lender.loan(port, elements) {
-            Some(buffer) => (buffer, false),
-            None => (Buffer::heap(kind, elements), true),
-        };
+        // Where the memory of the port is used up, the sample waits on the heap: those that are sent before it may make room.
+        let mut buffer = self.lender.loan(port, elements).unwrap_or_else(|| Buffer::heap(kind, elements));
         buffer.parts_mut().0.fill(0);
-        self.open = Some(Draft { port, buffer, pool_exhausted });
+        self.open = Some(Draft { port, buffer });
     }
 
     fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]) {

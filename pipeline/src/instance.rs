@@ -222,6 +222,13 @@ impl OperatorInstance {
         self.drafts.drain(..)
     }
 
+    /// Counts a sample of the last activation that found no memory when it was to be sent. The next entry says so.
+    pub fn count_unsent(&mut self, port: usize) {
+        if let Some(sent) = self.sent.get_mut(port) {
+            sent.lost += 1;
+        }
+    }
+
     fn head_drafts(&mut self, stamp: u64, origin: u64, refs: &mut Vec<JournalRef>) {
         let incarnation = self.key.incarnation;
         for (port, sent) in self.sent.iter_mut().enumerate() {
@@ -239,7 +246,6 @@ impl OperatorInstance {
                     Header { stamp, origin, sequence: sent.next, incarnation, count: u32::from_le_bytes(n) };
                 meta[..HEADER_SIZE].copy_from_slice(header.as_bytes());
                 sent.next += 1;
-                sent.lost += u64::from(draft.pool_exhausted);
                 count += 1;
             }
             if count > 0 {
@@ -300,7 +306,8 @@ fn output_ref(port: usize, sent: &Sent, count: u32, incarnation: u32) -> Journal
     }
 }
 
-fn build_step(
+/// Makes the step of an operator, as each start of it does.
+pub(crate) fn build_step(
     graph: &Graph,
     node: &OperatorNode,
     files: &dyn Files,

@@ -161,6 +161,12 @@ impl Ledger {
         of.map(|(_, (total, without_memory))| total.saturating_sub(*without_memory)).sum()
     }
 
+    /// Samples of an output that found no memory, over all incarnations.
+    pub(crate) fn total_unsent(&self, operator: usize, output: usize) -> u64 {
+        let of = self.sent.iter().filter(|((o, p, _), _)| (*o, *p as usize) == (operator, output));
+        of.map(|(_, (_, without_memory))| without_memory).sum()
+    }
+
     /// Adds what one incarnation of the producer sent. `total` counts from sequence 0.
     fn balance(
         &self,

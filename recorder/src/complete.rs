@@ -134,13 +134,9 @@ fn gaps(session: &Session) -> Vec<Gap> {
     }
     let required: BTreeSet<&str> =
         session.topics().iter().filter(|t| t.role.is_required()).map(|t| t.name.as_str()).collect();
-    let mut listed: BTreeMap<(&str, u32), Vec<Range>> = BTreeMap::new();
-    for lost in session.lost() {
-        if required.contains(lost.topic.as_str()) {
-            gaps.push(Gap::Lost(lost.clone()));
-        }
-        let range = Range { first: lost.first, end: lost.first.saturating_add(lost.count) };
-        listed.entry((&lost.topic, lost.incarnation)).or_default().push(range);
+    let mut listed: BTreeMap<(&str, u32), Vec<&Lost>> = BTreeMap::new();
+    for lost in session.lost().iter().filter(|lost| required.contains(lost.topic.as_str())) {
+        listed.entry((&lost.topic, lost.incarnation)).or_default().push(lost);
     }
     for (number, topic) in session.topics().iter().enumerate().filter(|(_, t)| t.role.is_required()) {
         let mut there: BTreeMap<u32, Vec<Range>> = BTreeMap::new();
@@ -148,25 +144,35 @@ fn gaps(session: &Session) -> Vec<Gap> {
             push(there.entry(incarnation).or_default(), sequence);
         }
         let sent = sent(session, number);
-        let incarnations: BTreeSet<u32> = there.keys().chain(sent.keys()).copied().collect();
+        let with_losses =
+            listed.keys().filter(|(name, _)| *name == topic.name).map(|(_, incarnation)| incarnation);
+        let incarnations: BTreeSet<u32> =
+            there.keys().chain(sent.keys()).chain(with_losses).copied().collect();
         for incarnation in incarnations {
             let mut known = there.remove(&incarnation).unwrap_or_default();
             let up_to = known.last().map_or(0, |r| r.end);
             let sent = sent.get(&incarnation);
             let expected = sent.map_or_else(|| vec![Range { first: 0, end: up_to }], |s| s.ranges.clone());
-            known.extend(listed.get(&(topic.name.as_str(), incarnation)).into_iter().flatten().copied());
+            let listed = listed.remove(&(topic.name.as_str(), incarnation)).unwrap_or_default();
+            known.extend(
+                listed.iter().map(|l| Range { first: l.first, end: l.first.saturating_add(l.count) }),
+            );
             let missing = without(expected, known);
-            let count = missing.iter().fold(0_u64, |n, r| n.saturating_add(r.end - r.first));
-            if count > sent.map_or(0, |s| s.no_memory) {
-                gaps.extend(missing.into_iter().map(|r| {
-                    Gap::Unlisted(Lost {
-                        topic: topic.name.clone(),
-                        incarnation,
-                        first: r.first,
-                        count: r.end - r.first,
-                    })
-                }));
+            let unlisted = missing.iter().map(|r| r.end - r.first);
+            let count = listed.iter().map(|l| l.count).chain(unlisted).fold(0, u64::saturating_add);
+            // The recorder lists each number that did not come. What was never sent is missing nowhere.
+            if count <= sent.map_or(0, |s| s.no_memory) {
+                continue;
             }
+            gaps.extend(listed.into_iter().cloned().map(Gap::Lost));
+            gaps.extend(missing.into_iter().map(|r| {
+                Gap::Unlisted(Lost {
+                    topic: topic.name.clone(),
+                    incarnation,
+                    first: r.first,
+                    count: r.end - r.first,
+                })
+            }));
         }
     }
     gaps
@@ -291,11 +297,12 @@ fn sent(session: &Session, topic: usize) -> BTreeMap<u32, Sent> {
     for (i, entry) in entries.iter().enumerate() {
         let last = entries.get(i + 1).is_none_or(|next| next.header.incarnation != entry.header.incarnation);
         let sent = by_incarnation.entry(entry.header.incarnation).or_default();
-        if last && entry.cause() != Some(Cause::End) {
-            continue;
-        }
         for r in outputs(entry, port) {
+            // What found no memory is known once its activation is over: the next entry says so.
             sent.no_memory = sent.no_memory.max(r.lost);
+            if last && entry.cause() != Some(Cause::End) {
+                continue;
+            }
             let end = r.first.saturating_add(u64::from(r.count));
             if r.count > 0 {
                 sent.ranges.push(Range { first: r.first, end });

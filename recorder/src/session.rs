@@ -1,6 +1,6 @@
 //! A recorded session, opened: all of its parts, whole or cut, as one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use stillpoint_samples::{Cause, Entry};
 
@@ -9,7 +9,7 @@ use crate::cache::BlockCache;
 use crate::form::StaticTransform;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
-use crate::part::SessionPart;
+use crate::part::{SessionPart, Use};
 use crate::topic::Role;
 
 /// A topic of a session.
@@ -97,6 +97,18 @@ impl Session {
     /// What could not be kept, as the recorder listed it.
     pub fn lost(&self) -> &[Lost] {
         &self.lost
+    }
+
+    /// Names of the channels whose messages are no samples of a topic: what viewers want beside samples, the clock, frames
+    /// and losses.
+    pub fn other_channels(&self) -> BTreeSet<&str> {
+        let of = |part: &'_ SessionPart, id: &u16| part.counts.get(id).is_some_and(|count| *count > 0);
+        let others = self.parts.iter().flat_map(|part| {
+            part.channels
+                .iter()
+                .filter(move |(id, c)| !matches!(c.purpose, Use::Samples { .. }) && of(part, id))
+        });
+        others.map(|(_, c)| c.channel.topic.as_str()).collect()
     }
 
     /// The journals by operator, each in the order of incarnation and entry.

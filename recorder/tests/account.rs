@@ -11,12 +11,12 @@ mod fixture;
 
 use std::sync::Arc;
 
-use fixture::{START, Tee, cloud, header, opening, pieces, pipeline, topic};
+use fixture::{START, Tee, cloud, entry, header, opening, pieces, pipeline, reference, topic};
 use stillpoint_recorder::{
     Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session,
     SessionError, TopicKind, recover_session,
 };
-use stillpoint_samples::{PointCloud, Sample};
+use stillpoint_samples::{Cause, Journal, JournalRef, PointCloud, RefKind, Sample};
 
 /// A part with clouds of these numbers on `cam.cloud`, and what was noted as lost.
 fn part(role: Role, numbers: &[u64], lost: &[(u64, u64)]) -> PartWriter<Vec<u8>> {
@@ -63,6 +63,38 @@ fn listed_losses_of_a_source_are_gaps() {
     let session = ended(Role::Source, &[0, 1, 4], &[(2, 2)]);
     assert_eq!(session.lost(), [lost(2, 2)]);
     assert_eq!(session.completeness(), Completeness::Gaps(vec![Gap::Lost(lost(2, 2))]));
+}
+
+/// A source whose journal says that it sent the numbers 0 to 9 in two activations, and that so many of them found no memory.
+fn without_memory(unsent: u64, listed: &[(u64, u64)], numbers: &[u64]) -> Session {
+    let mut w = part(Role::Source, numbers, listed);
+    let role = Role::Journal { inputs: Vec::new(), outputs: vec!["cam.cloud".to_owned()] };
+    let journal = w.add_topic(topic("cam.journal", Journal::KIND, role)).unwrap();
+    for (n, cause, refs) in [
+        (0, Cause::Start, vec![]),
+        (1, Cause::Timer, vec![JournalRef { count: 5, total: 5, ..reference(RefKind::Output, 0, 0, 0) }]),
+        (2, Cause::Timer, vec![JournalRef { count: 5, total: 10, ..reference(RefKind::Output, 0, 0, 5) }]),
+        (
+            3,
+            Cause::End,
+            vec![JournalRef { count: 0, total: 10, lost: unsent, ..reference(RefKind::Output, 0, 0, 10) }],
+        ),
+    ] {
+        w.write(journal, pieces(Journal::KIND, &entry(header(n), n, cause, &refs)), START).unwrap();
+    }
+    open(vec![w.finish(&Closing::default()).unwrap()])
+}
+
+#[test]
+fn samples_that_were_never_sent_are_no_gap_though_the_recorder_lists_their_numbers() {
+    let numbers = [0, 1, 2, 5, 6, 7, 8, 9];
+    for listed in [&[(3, 2)][..], &[(3, 1)], &[]] {
+        assert_eq!(without_memory(2, listed, &numbers).completeness(), Completeness::Complete, "{listed:?}");
+    }
+    let Completeness::Gaps(gaps) = without_memory(1, &[(3, 2)], &numbers).completeness() else {
+        panic!("one sample was sent and is not there")
+    };
+    assert_eq!(gaps, [Gap::Lost(lost(3, 2))]);
 }
 
 #[test]

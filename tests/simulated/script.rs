@@ -11,6 +11,8 @@ use crate::default_pipeline::default_pipeline;
 use crate::registry;
 
 const KEY: &[u8] = include_bytes!("../../examples/data/rig.key");
+const IMAGE: &[u8] = include_bytes!("../../examples/data/depth/000.png");
+const CLOUD: &[u8] = include_bytes!("../../examples/data/clouds/000.pcd");
 
 const CONSOLE: &str = "stillpoint: 1
 name: script
@@ -58,7 +60,7 @@ fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() 
     let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
     let mut files = MemoryFiles::default();
     files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
-    files.files.insert("images/1.png".into(), Vec::new());
+    files.files.insert("images/1.png".into(), IMAGE.to_vec());
     let here = Machine::here();
     let faults = |text: &str| {
         let faults = check_for(&here, text, "x.yaml", &[], &registry(), &files).err();
@@ -91,7 +93,7 @@ fn a_search_that_cannot_check_what_it_finds_has_to_say_so() {
         )
     };
     let mut files = MemoryFiles::default();
-    files.files.insert("clouds/1.pcd".into(), Vec::new());
+    files.files.insert("clouds/1.pcd".into(), CLOUD.to_vec());
     let faults = |text: &str| {
         let faults = check_for(&Machine::here(), text, "x.yaml", &[], &registry(), &files).err();
         faults.map(|f| f.to_string()).unwrap_or_default()
@@ -111,7 +113,7 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
     let mut files = MemoryFiles::default();
     files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
-    files.files.insert("images/1.png".into(), Vec::new());
+    files.files.insert("images/1.png".into(), IMAGE.to_vec());
     let faults = |text: &str| {
         let faults = check(text, "x.yaml", &[], &registry(), &files).err();
         faults.map(|f| f.to_string()).unwrap_or_default()

@@ -46,7 +46,13 @@ fn nothing_is_unexplained_over_overflow_used_up_memory_kills_and_start_up() {
     }
     assert!(line(&report, "wide.queue")["sent"].as_u64().unwrap() >= 100_000);
     assert!(line(&report, "narrow.queue")["overwritten"].as_u64().unwrap() > 10_000);
-    assert!(line(&report, "wide.second")["pool_exhausted"].as_u64().unwrap() > 10_000);
+    // What an activation sends beyond its memory takes the place of what it sent before.
+    let second = line(&report, "wide.second");
+    assert_eq!(second["pool_exhausted"], 0, "{second}");
+    assert!(
+        second["overwritten"].as_u64().unwrap() + second["received"].as_u64().unwrap() > 10_000,
+        "{second}"
+    );
     let session = report["session"].as_str().unwrap();
     let replay = bench.call(&["replay", session, "--json"]);
     assert_eq!(replay.json()["differences"], 0);

@@ -10,7 +10,8 @@ use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
 use super::{
-    assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, sets, sync, wiring, yaml,
+    assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, sets, start, sync,
+    wiring, yaml,
 };
 use crate::graph::Graph;
 use crate::operator::Files;
@@ -139,13 +140,17 @@ fn pass(
     if !findings.is_empty() {
         return None;
     }
+    let places = start::places(&document.operators);
     let mut graph =
         assemble::graph(document, wired, checked, policies, frames, order, processes, record, ros2)?;
     graph.contracts = contracts;
-    Some(match whole.host {
-        Some(host) => graph.part(&host.value),
-        None => graph,
-    })
+    if let Some(host) = whole.host {
+        graph = graph.part(&host.value);
+    }
+    if purpose == Purpose::Run {
+        start::check(&graph, &places, files, findings);
+    }
+    findings.is_empty().then_some(graph)
 }
 
 fn params(

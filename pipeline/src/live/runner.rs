@@ -1,7 +1,7 @@
 //! One operator in a worker: its instance, its ports, and the commit of its activations.
 
 use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
-use stillpoint_shm::{Domain, Listener, Notifier, Received, ShmError, Subscriber, Topic};
+use stillpoint_shm::{Domain, Listener, Loan, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
 
 use super::contracts;
 use super::error::WorkerError;
@@ -10,7 +10,7 @@ use super::ports::{Depth, Outlet, Ports};
 use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender, TransportOf};
 use crate::clock::SessionClock;
-use crate::drafts::{Buffer, Lender};
+use crate::drafts::{Buffer, Draft, Lender};
 use crate::graph::Graph;
 use crate::instance::OperatorInstance;
 use crate::intake::Intake;
@@ -97,6 +97,24 @@ impl Lender for SharedMemory<'_> {
             stopwatch.lap(lap);
         }
     }
+}
+
+/// A buffer in shared memory for a sample that is sent now. One that waited on the heap gets the memory of a sample that
+/// those before it pushed out, so that an activation may send more than there is room for beside what is kept. `None`:
+/// consumers hold all of it.
+fn into_loan(publisher: &Publisher, buffer: Buffer) -> Result<Option<Loan>, ShmError> {
+    let heap = match buffer {
+        Buffer::Shared(loan) => return Ok(Some(loan)),
+        Buffer::Heap { .. } => buffer,
+    };
+    let pieces = heap.pieces();
+    let elements = pieces.header().count as usize;
+    let Some(mut loan) = publisher.loan(elements)? else { return Ok(None) };
+    let (meta, payload) = loan.parts_mut();
+    meta.copy_from_slice(pieces.meta);
+    let length = payload.len().min(pieces.payload.len());
+    payload[..length].copy_from_slice(&pieces.payload[..length]);
+    Ok(Some(loan))
 }
 
 /// The outcome of polling a runner.
@@ -274,17 +292,26 @@ impl OperatorRunner {
     fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), WorkerError> {
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
-        for draft in self.instance.take_drafts() {
-            if let Buffer::Shared(loan) = draft.buffer {
-                let sending = &mut self.sending[draft.port];
-                if let Some(link_sender) = &mut sending.link_sender
-                    && let Some(reason) = link_sender.send(loan.pieces())
-                {
-                    self.unlinked = Some(reason.to_string());
-                }
-                self.ports.outlets[draft.port].publisher.send(loan)?;
-                sending.sent = true;
+        let mut unsent = Vec::new();
+        for Draft { port, buffer } in self.instance.take_drafts() {
+            let sending = &mut self.sending[port];
+            // A link needs no shared memory.
+            if let Some(link_sender) = &mut sending.link_sender
+                && let Some(reason) = link_sender.send(buffer.pieces())
+            {
+                self.unlinked = Some(reason.to_string());
             }
+            let publisher = &self.ports.outlets[port].publisher;
+            match into_loan(publisher, buffer)? {
+                Some(loan) => {
+                    publisher.send(loan)?;
+                    sending.sent = true;
+                }
+                None => unsent.push(port),
+            }
+        }
+        for port in unsent {
+            self.instance.count_unsent(port);
         }
         for sending in &mut self.sending {
             if std::mem::take(&mut sending.sent)

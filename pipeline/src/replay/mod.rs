@@ -61,7 +61,8 @@ pub fn replay(
     let report = replayer.report();
     let missing = missing(session, &gaps, &report.recomputed);
     let gaps = gaps.iter().map(ToString::to_string).collect();
-    Ok(ReplayReport { seconds, gaps, measured, missing, ..report })
+    let not_compared = session.other_channels().into_iter().map(str::to_owned).collect();
+    Ok(ReplayReport { seconds, gaps, measured, missing, not_compared, ..report })
 }
 
 /// By recorded topic: samples that the recorder lost or that had to be made again.

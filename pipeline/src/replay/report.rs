@@ -24,6 +24,8 @@ pub struct ReplayReport {
     pub missing: BTreeMap<String, u64>,
     /// By topic: samples that were measured. They are not compared.
     pub measured: BTreeMap<String, u64>,
+    /// Channels that readers of the session see and that are not compared: what viewers want beside samples, clock, frames.
+    pub not_compared: Vec<String>,
     /// Samples that differ, or were made by no activation.
     pub differences: u64,
     /// The first of them.

@@ -16,4 +16,5 @@ mod ros2;
 mod schema;
 mod sets;
 mod speed;
+mod starting;
 mod suggestions;

@@ -16,6 +16,11 @@ const ZSTD_RATIO: u64 = 128 * 1024 / 4;
 /// A zstd frame may ask for this window at most, 2^23 bytes, whatever its header says.
 const ZSTD_WINDOW_LOG: u32 = 23;
 
+/// What so many bytes may become in any case: one large sample of zeros.
+const PLAUSIBLE_BYTES: u64 = 64 << 20;
+/// How many times its bytes a chunk may become beyond that.
+const PLAUSIBLE_RATIO: u64 = 256;
+
 /// How the records of a block are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compressed {
@@ -88,12 +93,26 @@ impl Block {
             Compressed::Lz4 => LZ4_RATIO,
             Compressed::Zstd => ZSTD_RATIO,
         };
-        self.stored.saturating_mul(ratio).min(self.size).min(LARGEST_CHUNK)
+        self.stored.saturating_mul(ratio).min(self.size).min(self.plausible())
+    }
+
+    /// Largest size that is taken for no bomb: a small file must not cost the memory of a large one.
+    fn plausible(&self) -> u64 {
+        self.stored.saturating_mul(PLAUSIBLE_RATIO).clamp(PLAUSIBLE_BYTES, LARGEST_CHUNK)
     }
 
     /// Reads the block into `bytes`; `stored` is room for what is not decompressed yet. Memory grows with what comes
     /// out, never with what a header promises.
     pub fn load(&self, source: &Source, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<Loaded> {
+        if self.compressed != Compressed::No && !self.cut && self.size > self.plausible() {
+            bytes.set_len(0);
+            return Ok(Loaded::Damaged(format!(
+                "its {} bytes would become {} MiB (allowed: {} MiB)",
+                self.stored,
+                self.size >> 20,
+                self.plausible() >> 20
+            )));
+        }
         let read = |into: &mut Buffer| {
             source.read_into(self.offset, usize::try_from(self.stored).unwrap_or(usize::MAX), into)
         };
@@ -171,4 +190,29 @@ fn drain(mut from: impl Read, limit: u64, bytes: &mut Buffer) -> Option<String> 
     };
     bytes.set_len(filled);
     fault
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_few_bytes_that_would_become_many_are_refused_before_they_take_memory() {
+        for (mib, is_whole) in [(60_u64, true), (100, false)] {
+            let stored = zstd::stream::encode_all(io::repeat(0).take(mib << 20), 1).unwrap();
+            let length = stored.len() as u64;
+            let size = mib << 20;
+            let block =
+                Block { offset: 0, stored: length, size, crc: 0, compressed: Compressed::Zstd, cut: false };
+            let (mut bytes, mut room) = (Buffer::default(), Buffer::default());
+            let loaded = block.load(&Source::Bytes(stored.into()), &mut bytes, &mut room).unwrap();
+            if is_whole {
+                assert_eq!((loaded, bytes.len() as u64), (Loaded::Whole, size));
+            } else {
+                let refusal = format!("its {length} bytes would become 100 MiB (allowed: 64 MiB)");
+                assert_eq!((loaded, bytes.room()), (Loaded::Damaged(refusal), 0));
+            }
+        }
+    }
 }

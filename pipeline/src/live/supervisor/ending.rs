@@ -86,7 +86,7 @@ impl Supervisor {
             swept: std::mem::take(&mut self.swept),
         };
         match self.finish_recording(&report, records, &mut signals) {
-            Ok(recorded) => report.recorded.extend(recorded),
+            Ok(recorded) => report.recorded.extend(recorded.map(|recorded| self.without_unsent(recorded))),
             Err(failed) => report.recording_failed = Some(failed.0),
         }
         for worker in &mut self.workers {
@@ -98,6 +98,19 @@ impl Supervisor {
         self.report_faults(run);
         report.faults = std::mem::take(&mut self.faults);
         report
+    }
+
+    /// The recorder counts each number that did not come as lost; those of samples that were never sent are not.
+    fn without_unsent(&self, mut recorded: Recorded) -> Recorded {
+        for (operator, node) in self.graph.operators.iter().enumerate() {
+            for (port, output) in node.outputs.iter().enumerate() {
+                if let Some(lost) = recorded.lost.get_mut(&output.topic) {
+                    *lost = lost.saturating_sub(self.ledger.total_unsent(operator, port));
+                }
+            }
+        }
+        recorded.lost.retain(|_, lost| *lost > 0);
+        recorded
     }
 
     /// Stops the processes of a level, and kills those that do not stop in time. Gives the names of those.

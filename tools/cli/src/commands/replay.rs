@@ -186,6 +186,10 @@ impl Replay {
             report.exact_incarnations,
             report.seconds
         );
+        let others: String = report.not_compared.iter().map(|name| format!("{name}, ")).collect();
+        outln!(
+            "not compared: {others}and of the journals the times, causes and inputs, which the replay follows"
+        );
         Ok(exit)
     }
 }
