@@ -6,6 +6,7 @@ pub(crate) mod bridge;
 mod case;
 mod check;
 mod delivered;
+mod diff;
 mod doctor;
 mod echo;
 mod graph;
@@ -33,6 +34,7 @@ mod trace;
 mod train;
 mod types;
 mod view;
+mod what_if;
 
 use clap::Subcommand;
 use stillpoint_operator::Registry;
@@ -48,8 +50,10 @@ pub enum Command {
     Rig(rig::Rig),
     /// Check a pipeline and show all its faults.
     Check(check::Check),
-    /// Replay a session from its journals and compare every recorded topic byte by byte.
+    /// Replay a session from its journals and compare every recorded topic byte by byte, or with a change.
     Replay(replay::Replay),
+    /// Compare two sessions: what differs first, by how much, and how it goes on.
+    Diff(diff::Diff),
     /// Show the contents of a session and whether it is complete.
     Info(info::Info),
     /// Write a report of a session: tracks, pictures, rates, latencies, ledger, faults, provenance.
@@ -124,6 +128,7 @@ impl Command {
             Self::Rig(c) => c.execute(registry),
             Self::Check(c) => c.execute(registry),
             Self::Replay(c) => c.execute(registry),
+            Self::Diff(c) => c.execute(registry),
             Self::Info(c) => c.execute(registry),
             Self::Report(c) => c.execute(registry),
             Self::Merge(c) => c.execute(registry),
