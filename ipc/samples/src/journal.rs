@@ -114,13 +114,6 @@ impl Sample for Journal {
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }
 
-impl Cause {
-    /// Whether an operator sees what it causes: the begin and the end of an incarnation are marks.
-    pub fn is_activation(self) -> bool {
-        !matches!(self, Self::Start | Self::End)
-    }
-}
-
 impl Outcome {
     /// Whether the activation failed, so that no output was sent.
     pub fn is_failure(self) -> bool {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::Entry;
+use stillpoint_samples::{Cause, Entry};
 
 use crate::graph::OperatorNode;
 
@@ -29,7 +29,7 @@ impl Measured {
             let (began, sent) = (entry.header.stamp, next.body.sent_before);
             let is_known = entry.header.incarnation == next.header.incarnation
                 && entry.header.sequence.checked_add(1) == Some(next.header.sequence)
-                && entry.cause().is_some_and(|cause| cause.is_activation())
+                && entry.cause().is_some_and(|cause| !matches!(cause, Cause::Start | Cause::End))
                 && (began..=next.header.stamp).contains(&sent);
             is_known.then(|| (began, sent - began))
         });
@@ -64,7 +64,7 @@ impl Latencies {
 
 #[cfg(test)]
 mod tests {
-    use stillpoint_samples::{Cause, Header, JournalBody, Outcome};
+    use stillpoint_samples::{Header, JournalBody, Outcome};
 
     use super::*;
 

@@ -9,6 +9,7 @@ mod delivered;
 mod diff;
 mod doctor;
 mod echo;
+mod export;
 mod graph;
 mod hz;
 mod identify;
@@ -54,6 +55,8 @@ pub enum Command {
     Replay(replay::Replay),
     /// Compare two sessions: what differs first, by how much, and how it goes on.
     Diff(diff::Diff),
+    /// Write topics of a session as CSV tables, or as a smaller MCAP recording.
+    Export(export::Export),
     /// Show the contents of a session and whether it is complete.
     Info(info::Info),
     /// Write a report of a session: tracks, pictures, rates, latencies, ledger, faults, provenance.
@@ -129,6 +132,7 @@ impl Command {
             Self::Check(c) => c.execute(registry),
             Self::Replay(c) => c.execute(registry),
             Self::Diff(c) => c.execute(registry),
+            Self::Export(c) => c.execute(),
             Self::Info(c) => c.execute(registry),
             Self::Report(c) => c.execute(registry),
             Self::Merge(c) => c.execute(registry),
