@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::graph::{Graph, InputNode, OperatorNode};
+use crate::graph::{Graph, InputNode, LateInput, OperatorNode, Restart};
 use crate::operator::Policy;
 
 /// What differs about an operator.
@@ -76,12 +76,15 @@ fn facts(graph: &Graph, node: &OperatorNode) -> Vec<(String, String)> {
         facts.push((format!("frame of {}", port.name), output.frame.clone().unwrap_or("none".to_string())));
     }
     if let Some(process) = graph.processes.get(node.process) {
-        facts.push(("restart".to_string(), format!("{:?}", process.restart)));
+        facts.push(("restart".to_string(), restart_text(process.restart)));
     }
     // Any operator may draw random numbers, and place one frame in another.
     facts.push(("seed of the pipeline".to_string(), graph.seed.to_string()));
     for (name, frame) in &graph.frames.placed {
-        facts.push((format!("frames.{name}"), format!("{frame:?}")));
+        let [x, y, z] = frame.parent_from_frame.translation;
+        let turn = frame.parent_from_frame.quaternion();
+        let text = format!("in {} at [{x} m, {y} m, {z} m], quaternion {turn:?}", frame.parent);
+        facts.push((format!("frames.{name}"), text));
     }
     facts
 }
@@ -98,8 +101,25 @@ fn input_text(graph: &Graph, node: &OperatorNode, input: &InputNode) -> String {
         }
     };
     let delay = if edge.delay == 0 { String::new() } else { format!(", delay {} ms", edge.delay as f64 * 1e-6) };
-    let age = input.max_age.map_or(String::new(), |age| format!(", max_age {age:?}"));
+    let age = input.max_age.map_or(String::new(), |age| {
+        let otherwise = match age.otherwise {
+            LateInput::Count => "count",
+            LateInput::Skip => "skip",
+            LateInput::Hold => "hold",
+            LateInput::Fault => "fault",
+        };
+        format!(", max_age {} ms, else {otherwise}", age.max as f64 * 1e-6)
+    });
     format!("{topic} ({policy}{delay}{age})")
+}
+
+fn restart_text(restart: Restart) -> String {
+    match restart {
+        Restart::Never => "never".to_string(),
+        Restart::OnFault { limit, backoff } => {
+            format!("on fault, {limit} times, after {} ms", backoff as f64 * 1e-6)
+        }
+    }
 }
 
 /// The leaves of a value, each with its path.

@@ -32,7 +32,6 @@ pub struct RecordedPart<'s, 'f> {
     replayer: Replayer<'s, 'f>,
     /// The operators that run again.
     placement: Local<'f>,
-    graph: Arc<Graph>,
     /// By operator of the recorded graph: its number in the changed graph, if it is not run again.
     number: Vec<Option<usize>>,
     due: VecDeque<Due<'s>>,
@@ -94,9 +93,9 @@ impl<'s, 'f> RecordedPart<'s, 'f> {
             }
         }
         let ended = ends.values().map(|end| end.time).max().filter(|_| is_directed);
-        let replayer = Replayer::new(session, old, files, BTreeSet::new(), run);
+        let replayer = Replayer::new(session, old, files, run.clone(), run);
         let placement = Local::new(graph.clone(), changed_files).serving(decided.clone());
-        Self { replayer, placement, graph: graph.clone(), number, due: rest, starts, ends, ended }
+        Self { replayer, placement, number, due: rest, starts, ends, ended }
     }
 
     /// How the replayed part went.

@@ -55,7 +55,7 @@ pub enum Command {
     Replay(replay::Replay),
     /// Compare two sessions: what differs first, by how much, and how it goes on.
     Diff(diff::Diff),
-    /// Write topics of a session as CSV tables, or as a smaller MCAP recording.
+    /// Write topics of a session as CSV tables or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
     Export(export::Export),
     /// Show the contents of a session and whether it is complete.
     Info(info::Info),

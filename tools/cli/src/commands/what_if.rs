@@ -270,6 +270,9 @@ impl WhatIfArgs {
                 open.reason
             );
         }
+        if let Some(first) = &done.replayed.first_difference {
+            outln!("the recorded part does not replay: {} differences, the first: {first}", done.replayed.differences);
+        }
         for fault in done.report.faults.iter().take(5) {
             outln!("{} failed: {}", fault.operator, fault.reason);
         }
@@ -288,10 +291,11 @@ pub fn add_metadata(folder: &Path, session: &Session) {
 }
 
 fn exit_of(done: &WhatIf) -> Exit {
-    match (done.report.ended_early.is_some(), done.open().is_empty()) {
-        (true, _) => Exit::Failed,
-        (false, false) => Exit::Open,
-        (false, true) => Exit::Done,
+    match () {
+        () if done.report.ended_early.is_some() => Exit::Failed,
+        () if done.replayed.differences > 0 => Exit::Differs,
+        () if !done.open().is_empty() => Exit::Open,
+        () => Exit::Done,
     }
 }
 

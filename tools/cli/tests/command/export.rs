@@ -107,3 +107,32 @@ fn wrong_exports_are_refused_and_leave_nothing() {
         assert!(!folder.path().join("x").exists(), "{arguments:?}");
     }
 }
+
+#[test]
+fn one_sample_becomes_a_file_that_the_project_reads_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = recorded(folder.path());
+    // The session keeps neither images nor clouds: a replay makes them.
+    let replay = stillpoint(folder.path(), &["replay", session.to_str().unwrap(), "--record", "all"]);
+    assert!(replay.status.success(), "{}", text(&replay.stderr));
+    assert!(folder.path().join("all/metadata.yaml").is_file(), "a replay writes the folder that a run writes");
+    let all = folder.path().join("all");
+    for (topic, format) in [("v2.depth", "png"), ("v2_face.face", "ply"), ("v2_face.face", "pcd")] {
+        let arguments = [topic, "--format", format, "--sample", "2", "--out", format];
+        let report = export(folder.path(), &all, &arguments);
+        let file = PathBuf::from(report["files"][0]["file"].as_str().unwrap());
+        assert!(std::fs::metadata(folder.path().join(file)).unwrap().len() > 1000, "{report}");
+    }
+    let points = |topic: &str| {
+        let opened = Session::open(&all).unwrap();
+        let sample = opened.sample(opened.topic_number(topic).unwrap(), 0, 2).unwrap().unwrap().sample;
+        let pieces = Pieces::split(stillpoint_samples::PointCloud::KIND, &sample).unwrap();
+        let view = pieces.view::<stillpoint_samples::PointCloud>().unwrap();
+        view.elements.iter().map(|p| p.xyz).collect::<Vec<_>>()
+    };
+    let read = stillpoint_ingest::pcd::read(&std::fs::read(folder.path().join("pcd/v2_face.face.000002.pcd")).unwrap());
+    assert_eq!(read.unwrap().points, points("v2_face.face"));
+    let refused = stillpoint(folder.path(), &["export", "all", "v2.depth", "--format", "ply", "--sample", "2", "--out", "x"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert!(!folder.path().join("x").exists());
+}

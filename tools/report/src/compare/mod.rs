@@ -160,10 +160,9 @@ pub fn of_sessions(
         let Some(other) = b.sample(seen.numbers[1], partner.0, partner.1)? else { continue };
         let Ok(second) = Pieces::split(seen.kind, &other.sample) else { continue };
         let field = if seen.is_journal { None } else { seen.fields.compare(at, first, second) };
+        seen.differing += 1;
         // Samples of two live runs never have the same times: what counts is what they say.
-        let says_the_same = field.is_none() && !seen.is_journal && zero[0] != zero[1];
-        if !says_the_same {
-            seen.differing += 1;
+        if field.is_some() || zero[0] == zero[1] {
             let since = seen.since.get_or_insert((at, field.clone()));
             if since.0 == at && since.1.is_none() {
                 since.1 = field;

@@ -2,9 +2,11 @@
 //!
 //! - `csv`: a table of numbers per topic
 //! - `mcap`: a smaller recording
+//! - `sample`: one sample as a file of its own
 
 mod csv;
 mod mcap;
+mod sample;
 
 use std::path::PathBuf;
 
@@ -18,7 +20,7 @@ use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
 
-/// Write topics of a session as CSV tables, or as a smaller MCAP recording.
+/// Write topics of a session as CSV tables or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
 ///
 /// Each CSV file has a line for each sample, or for each element of a sample that has many. Numbers are as the sample has
 /// them: SI units, codes as numbers. The first line names the columns with their units.
@@ -41,6 +43,9 @@ pub struct Export {
     /// What is written.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
+    /// The number (sequence) of the one sample that is written as PLY, PCD or PNG.
+    #[arg(long, value_name = "N")]
+    sample: Option<u64>,
     /// Compression of the MCAP recording.
     #[arg(long, value_enum, default_value_t)]
     compression: Compress,
@@ -60,6 +65,12 @@ enum Format {
     Csv,
     /// A recording.
     Mcap,
+    /// One cloud, binary; points without a measurement are left out.
+    Ply,
+    /// One cloud, binary.
+    Pcd,
+    /// One image: depth in counts of 16 bits, grey in 8 bits.
+    Png,
 }
 
 /// Which samples are exported.
@@ -90,8 +101,14 @@ impl Export {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let session = with_topics(Session::open_any(&self.session), &self.session)?;
-        if self.format == Format::Mcap && !self.field.is_empty() {
-            return Err(Failure::wrong("--field chooses columns of CSV tables: remove it, or --format mcap"));
+        if self.format != Format::Csv && !self.field.is_empty() {
+            return Err(Failure::wrong("--field chooses columns of CSV tables: remove it, or --format"));
+        }
+        let is_single = matches!(self.format, Format::Ply | Format::Pcd | Format::Png);
+        if is_single != self.sample.is_some() || is_single && self.topics.len() != 1 {
+            return Err(Failure::wrong(
+                "--format ply, pcd and png write one sample: name one topic and the number of the sample (--sample 12)",
+            ));
         }
         if !self.field.is_empty() && self.topics.len() != 1 {
             return Err(Failure::wrong("--field needs exactly one topic: name the topic that has these values"));
@@ -103,6 +120,11 @@ impl Export {
         let written = match self.format {
             Format::Csv => csv::write(&session, &chosen, &self.field, &self.out),
             Format::Mcap => mcap::write(&session, &chosen, &self.out, self.compression.into()),
+            Format::Ply | Format::Pcd | Format::Png => {
+                let topic = chosen.topics.iter().position(|chosen| *chosen).unwrap_or_default();
+                let sequence = self.sample.unwrap_or_default();
+                sample::write(&session, topic, sequence, self.format, &self.out).map(|written| vec![written])
+            }
         };
         // What is half written is no export.
         let written = written.inspect_err(|_| drop(std::fs::remove_dir_all(&self.out)))?;
@@ -113,7 +135,7 @@ impl Export {
             print_json(&json!({ "files": written.iter().map(file).collect::<Vec<_>>() }))?;
         } else {
             for w in &written {
-                outln!("{}: {} samples of {}, {} lines", w.file.display(), w.samples, w.topic, w.lines);
+                outln!("{}: {}, samples: {}, lines: {}", w.file.display(), w.topic, w.samples, w.lines);
             }
         }
         Ok(Exit::Done)
