@@ -100,7 +100,8 @@ fn input_text(graph: &Graph, node: &OperatorNode, input: &InputNode) -> String {
             format!("sync with {} within {} ms", leader.map_or("", |port| port.name), within as f64 * 1e-6)
         }
     };
-    let delay = if edge.delay == 0 { String::new() } else { format!(", delay {} ms", edge.delay as f64 * 1e-6) };
+    let delay =
+        if edge.delay == 0 { String::new() } else { format!(", delay {} ms", edge.delay as f64 * 1e-6) };
     let age = input.max_age.map_or(String::new(), |age| {
         let otherwise = match age.otherwise {
             LateInput::Count => "count",

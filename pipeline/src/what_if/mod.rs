@@ -109,7 +109,8 @@ pub fn what_if(
     observer: &mut dyn Observer,
 ) -> Result<WhatIf, WhatIfError> {
     let _aside = StdoutRedirect::to_stderr();
-    let is_directed = session.metadata().get(RUN).and_then(|run| run.get("directed")).is_some_and(|d| d == "true");
+    let is_directed =
+        session.metadata().get(RUN).and_then(|run| run.get("directed")).is_some_and(|d| d == "true");
     let changes = changes(&before.graph, &after.graph);
     let reach = Reach::of(&after.graph, &changes, options, is_directed)?;
     let span = Span::of(session, &before.graph, is_directed).ok_or(WhatIfError::Empty)?;
@@ -138,7 +139,8 @@ pub fn what_if(
     let mut account = Account::new(&ran, Some(recorder), observer);
     let mut events =
         Events::new(ran.clone()).deciding(&numbers).taking(latencies).stopped_by(options.stop.clone());
-    let mut part = RecordedPart::new(session, &old, &*before.files, (&ran, &*after.files), &numbers, is_directed);
+    let mut part =
+        RecordedPart::new(session, &old, &*before.files, (&ran, &*after.files), &numbers, is_directed);
     let ended = events.run_fed(&mut part, span.start, span.length(), &mut account);
     let replayed = part.report();
     if let Err(RunError::NotBegun(reason)) = ended {

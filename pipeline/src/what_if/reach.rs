@@ -98,7 +98,8 @@ impl Reach {
                 }
             }
         }
-        let names = |which: &BTreeSet<usize>| which.iter().map(|n| graph.operators[*n].name.clone()).collect();
+        let names =
+            |which: &BTreeSet<usize>| which.iter().map(|n| graph.operators[*n].name.clone()).collect();
         let is_rig = |n: &&usize| graph.operators[**n].stage.kind.name.starts_with("rig.");
         let rigs = reached.iter().filter(is_rig).copied().collect();
         Ok(Self { decided: names(&reached), held: names(&stopped), rigs: names(&rigs) })

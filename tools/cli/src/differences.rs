@@ -40,7 +40,10 @@ pub fn print(comparison: &Comparison, names: [&str; 2]) {
         outln!("only in {}: {}", names[side], only.join(", "));
     }
     if !comparison.unread.is_empty() {
-        outln!("not compared, because the types differ or are of another program: {}", comparison.unread.join(", "));
+        outln!(
+            "not compared, because the types differ or are of another program: {}",
+            comparison.unread.join(", ")
+        );
     }
     if let Some(first) = &comparison.first {
         let field = first.field.as_ref().map_or(String::new(), |field| format!(" in {field}"));

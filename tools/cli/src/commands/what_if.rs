@@ -128,7 +128,9 @@ impl WhatIfArgs {
             ("--page", self.page.is_some()),
         ];
         match alone.into_iter().find(|(_, given)| *given && !self.is_asked()) {
-            Some((name, _)) => Err(Failure::wrong(format!("{name} needs a change: give --set, --with or --rerun"))),
+            Some((name, _)) => {
+                Err(Failure::wrong(format!("{name} needs a change: give --set, --with or --rerun")))
+            }
             None => Ok(()),
         }
     }
@@ -211,7 +213,11 @@ impl WhatIfArgs {
     }
 
     /// The changed pipeline; or how the command ends, if it has faults.
-    fn changed(&self, before: &SessionPipeline, registry: &Registry) -> Result<Result<Checked, Exit>, Failure> {
+    fn changed(
+        &self,
+        before: &SessionPipeline,
+        registry: &Registry,
+    ) -> Result<Result<Checked, Exit>, Failure> {
         let (text, name, sets, files): (_, _, _, Arc<dyn Files + Send + Sync>) = match &self.with {
             None => {
                 let sets = [before.sets.clone(), self.sets.clone()].concat();
@@ -250,8 +256,13 @@ impl WhatIfArgs {
             let count = reach.decided.len();
             outln!("computed again: {} ({count} of {operators} operators)", reach.decided.join(", "));
             match reach.rigs.as_slice() {
-                [] => outln!("open loop: the sensors are recorded, so the recorded patient does not react to the change"),
-                rigs => outln!("closed loop: the simulated patient ({}) runs again with its seed", rigs.join(", ")),
+                [] => outln!(
+                    "open loop: the sensors are recorded, so the recorded patient does not react to the change"
+                ),
+                rigs => outln!(
+                    "closed loop: the simulated patient ({}) runs again with its seed",
+                    rigs.join(", ")
+                ),
             }
         }
         if !reach.held.is_empty() {
@@ -271,7 +282,10 @@ impl WhatIfArgs {
             );
         }
         if let Some(first) = &done.replayed.first_difference {
-            outln!("the recorded part does not replay: {} differences, the first: {first}", done.replayed.differences);
+            outln!(
+                "the recorded part does not replay: {} differences, the first: {first}",
+                done.replayed.differences
+            );
         }
         for fault in done.report.faults.iter().take(5) {
             outln!("{} failed: {}", fault.operator, fault.reason);

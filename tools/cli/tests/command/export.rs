@@ -48,7 +48,9 @@ fn a_table_has_the_bits_of_every_sample() {
     }
     assert!(count > 20 && lines.next().is_none(), "{count} lines");
     // A table can show a face: only its owner may read it.
-    let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(folder.path().join("tables/fused.state.csv")).unwrap().permissions());
+    let mode = std::os::unix::fs::PermissionsExt::mode(
+        &std::fs::metadata(folder.path().join("tables/fused.state.csv")).unwrap().permissions(),
+    );
     assert_eq!(mode & 0o777, 0o600);
 }
 
@@ -56,7 +58,8 @@ fn a_table_has_the_bits_of_every_sample() {
 fn chosen_fields_and_times_are_exported_alone() {
     let folder = tempfile::tempdir().unwrap();
     let session = recorded(folder.path());
-    let arguments = ["fused.state", "--field", "pose.z", "--after", "200 ms", "--until", "400ms", "--out", "one"];
+    let arguments =
+        ["fused.state", "--field", "pose.z", "--after", "200 ms", "--until", "400ms", "--out", "one"];
     let report = export(folder.path(), &session, &arguments);
     assert_eq!(report["files"][0]["lines"], 10, "{report}");
     let table = std::fs::read_to_string(folder.path().join("one/fused.state.csv")).unwrap();
@@ -97,7 +100,11 @@ fn wrong_exports_are_refused_and_leave_nothing() {
         (&["--field", "pose.z", "--out", "x"], 2, "--field needs exactly one topic"),
         (&["--after", "2", "--out", "x"], 2, "--after 2"),
         (&["--after", "2s", "--until", "1s", "--out", "x"], 2, "--after is not before --until"),
-        (&["fused.state", "--field", "pose.z", "--format", "mcap", "--out", "x"], 2, "--field chooses columns"),
+        (
+            &["fused.state", "--field", "pose.z", "--format", "mcap", "--out", "x"],
+            2,
+            "--field chooses columns",
+        ),
         (&["--out", "there"], 1, "it is there already"),
     ] {
         let out = stillpoint(folder.path(), &[&["export", session], arguments].concat());
@@ -115,7 +122,10 @@ fn one_sample_becomes_a_file_that_the_project_reads_back() {
     // The session keeps neither images nor clouds: a replay makes them.
     let replay = stillpoint(folder.path(), &["replay", session.to_str().unwrap(), "--record", "all"]);
     assert!(replay.status.success(), "{}", text(&replay.stderr));
-    assert!(folder.path().join("all/metadata.yaml").is_file(), "a replay writes the folder that a run writes");
+    assert!(
+        folder.path().join("all/metadata.yaml").is_file(),
+        "a replay writes the folder that a run writes"
+    );
     let all = folder.path().join("all");
     for (topic, format) in [("v2.depth", "png"), ("v2_face.face", "ply"), ("v2_face.face", "pcd")] {
         let arguments = [topic, "--format", format, "--sample", "2", "--out", format];
@@ -130,9 +140,14 @@ fn one_sample_becomes_a_file_that_the_project_reads_back() {
         let view = pieces.view::<stillpoint_samples::PointCloud>().unwrap();
         view.elements.iter().map(|p| p.xyz).collect::<Vec<_>>()
     };
-    let read = stillpoint_ingest::pcd::read(&std::fs::read(folder.path().join("pcd/v2_face.face.000002.pcd")).unwrap());
+    let read = stillpoint_ingest::pcd::read(
+        &std::fs::read(folder.path().join("pcd/v2_face.face.000002.pcd")).unwrap(),
+    );
     assert_eq!(read.unwrap().points, points("v2_face.face"));
-    let refused = stillpoint(folder.path(), &["export", "all", "v2.depth", "--format", "ply", "--sample", "2", "--out", "x"]);
+    let refused = stillpoint(
+        folder.path(),
+        &["export", "all", "v2.depth", "--format", "ply", "--sample", "2", "--out", "x"],
+    );
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
     assert!(!folder.path().join("x").exists());
 }

@@ -32,7 +32,9 @@ fn differing(first: &Path, second: &Path) -> Vec<String> {
     let [a, b] = [first, second].map(|path| Session::open(path).unwrap());
     // Laps are measured, so only a live run has them.
     let is_computed = |name: &str| !name.ends_with(".timing");
-    let names = |s: &Session| s.topics().iter().map(|t| t.name.clone()).filter(|n| is_computed(n)).collect::<Vec<_>>();
+    let names = |s: &Session| {
+        s.topics().iter().map(|t| t.name.clone()).filter(|n| is_computed(n)).collect::<Vec<_>>()
+    };
     assert_eq!(names(&a), names(&b));
     let same = |number: usize| {
         let of_second = b.topic_number(&a.topics()[number].name).unwrap();
@@ -44,7 +46,8 @@ fn differing(first: &Path, second: &Path) -> Vec<String> {
     };
     let samples: u64 = a.topics().iter().map(|t| t.samples).sum();
     assert!(samples > 10, "{samples} samples");
-    let numbers = (0..a.topics().len()).filter(|number| is_computed(&a.topics()[*number].name) && !same(*number));
+    let numbers =
+        (0..a.topics().len()).filter(|number| is_computed(&a.topics()[*number].name) && !same(*number));
     numbers.map(|number| a.topics()[number].name.clone()).collect()
 }
 
@@ -104,7 +107,9 @@ fn a_closed_loop_with_another_gain_is_the_run_with_that_gain() {
     let since = duties["since_s"].as_f64().unwrap();
     // The gain has no effect before the target moves.
     assert!((1.8..2.4).contains(&since), "{duties}");
-    assert!(duties["fields"].as_array().unwrap().iter().any(|f| f["rms"].as_f64().is_some_and(|rms| rms > 0.0)));
+    assert!(
+        duties["fields"].as_array().unwrap().iter().any(|f| f["rms"].as_f64().is_some_and(|rms| rms > 0.0))
+    );
     // The recorded value is no change.
     let (none, same) = what_if(folder.path(), &recorded, "same", &["--set", "law.proportional=2.37 1/s"]);
     assert_eq!((&none["changes"], &none["computed"]), (&serde_json::json!([]), &serde_json::json!([])));
@@ -132,7 +137,9 @@ fn what_is_upstream_of_a_change_is_recorded_and_what_is_downstream_is_the_run_wi
         assert_eq!(differing(&fresh, &computed), [] as [&str; 0], "{change}");
         assert_eq!(report["closed_loop"], serde_json::json!([]), "{change}");
         for topic in report["comparison"]["topics"].as_array().unwrap() {
-            let is_upstream = !["fused.", "xbox_f", "xbox_h"].iter().any(|n| topic["topic"].as_str().unwrap().starts_with(n));
+            let is_upstream = !["fused.", "xbox_f", "xbox_h"]
+                .iter()
+                .any(|n| topic["topic"].as_str().unwrap().starts_with(n));
             assert!(!is_upstream || topic["identical"] == true, "{change}: {topic}");
         }
     }
@@ -147,7 +154,11 @@ fn another_kind_another_file_and_a_held_operator_are_changes_too() {
     let pipeline = std::fs::read_to_string(&file).unwrap();
     let added = "  slow: { use: estimate.kalman, inputs: { measurement: head.pose, report: head.report }, params: { follow: pose } }\n\nprocesses:";
     let with = folder.path().join("with.yaml");
-    std::fs::write(&with, pipeline.replacen("\nprocesses:", added, 1).replacen("filter.state,", "filter.state, slow.state,", 1)).unwrap();
+    std::fs::write(
+        &with,
+        pipeline.replacen("\nprocesses:", added, 1).replacen("filter.state,", "filter.state, slow.state,", 1),
+    )
+    .unwrap();
     let (report, computed) = what_if(folder.path(), &recorded, "added", &["--with", with.to_str().unwrap()]);
     assert_eq!(report["computed"], serde_json::json!(["slow"]));
     assert_eq!(report["changes"][0]["operator"], "slow");
@@ -157,7 +168,10 @@ fn another_kind_another_file_and_a_held_operator_are_changes_too() {
     // A change that reaches the head stops at an operator that is held.
     let hold = ["--set", "face.leaf=6 mm", "--hold", "filter"];
     let (held, _) = what_if(folder.path(), &recorded, "held", &hold);
-    assert_eq!((&held["computed"], &held["held"]), (&serde_json::json!(["face", "head"]), &serde_json::json!(["filter"])));
+    assert_eq!(
+        (&held["computed"], &held["held"]),
+        (&serde_json::json!(["face", "head"]), &serde_json::json!(["filter"]))
+    );
 }
 
 #[test]
@@ -189,7 +203,12 @@ fn a_session_differs_from_itself_in_nothing_and_from_another_run_in_what_was_cha
     let folder = tempfile::tempdir().unwrap();
     let file = root().join("examples/one-dof-tracking.yaml");
     let first = simulated(folder.path(), &file, "1 s", &[]);
-    let second = simulated(folder.path(), &file, "1 s", &["fused.tolerance=1 mm", "xbox_filter.acceleration_sd=9 mm/s2"]);
+    let second = simulated(
+        folder.path(),
+        &file,
+        "1 s",
+        &["fused.tolerance=1 mm", "xbox_filter.acceleration_sd=9 mm/s2"],
+    );
     let [a, b] = [&first, &second].map(|path| path.to_str().unwrap());
     let same = stillpoint(folder.path(), &["diff", a, a]);
     assert_eq!(same.status.code(), Some(0), "{}", text(&same.stdout));
@@ -210,14 +229,19 @@ fn a_session_differs_from_itself_in_nothing_and_from_another_run_in_what_was_cha
     assert_eq!(found["first"]["topic"], "xbox_filter.state", "{}", found["first"]);
 
     // The root mean square by hand, over the samples since the first difference.
-    let topic = found["topics"].as_array().unwrap().iter().find(|t| t["topic"] == "xbox_filter.state").unwrap();
+    let topic =
+        found["topics"].as_array().unwrap().iter().find(|t| t["topic"] == "xbox_filter.state").unwrap();
     let field = topic["fields"].as_array().unwrap().iter().find(|f| f["field"] == "position.z").unwrap();
     let heights = |path: &Path| -> Vec<f64> {
         let session = Session::open(path).unwrap();
         let samples = session.samples_where(|t| t.name == "xbox_filter.state").map(Result::unwrap);
         samples
             .map(|s| {
-                let pieces = stillpoint_samples::Pieces::split(<stillpoint_samples::Track as stillpoint_samples::Sample>::KIND, &s.sample).unwrap();
+                let pieces = stillpoint_samples::Pieces::split(
+                    <stillpoint_samples::Track as stillpoint_samples::Sample>::KIND,
+                    &s.sample,
+                )
+                .unwrap();
                 pieces.view::<stillpoint_samples::Track>().unwrap().first().unwrap().position[2]
             })
             .collect()
@@ -250,14 +274,22 @@ fn the_commands_of_the_guide_do_what_it_says() {
         // The camera of the page is four times as large in each direction.
         let small: String = SMALL_CAMERA.iter().map(|set| format!(" --set \"{set}\"")).collect();
         let small = if command.starts_with("stillpoint run") { small } else { String::new() };
-        let line = format!("'{}'{}{small}", env!("CARGO_BIN_EXE_stillpoint"), command.trim_start_matches("stillpoint"));
-        let done = std::process::Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().unwrap();
+        let line = format!(
+            "'{}'{}{small}",
+            env!("CARGO_BIN_EXE_stillpoint"),
+            command.trim_start_matches("stillpoint")
+        );
+        let done =
+            std::process::Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().unwrap();
         let expected = if command.starts_with("stillpoint diff") { 3 } else { 0 };
         let (out, err) = (text(&done.stdout), text(&done.stderr));
         assert_eq!(done.status.code(), Some(expected), "{command}: {out}{err}");
         assert!(!out.is_empty(), "{command}");
         if command.contains("--set law.proportional=\"3 1/s\"") {
-            assert!(out.contains("change: law.proportional: 2.37 -> 3") && out.contains("closed loop"), "{out}");
+            assert!(
+                out.contains("change: law.proportional: 2.37 -> 3") && out.contains("closed loop"),
+                "{out}"
+            );
         }
         if command.contains("--rerun") {
             assert!(out.contains("identical to the bit") && !out.contains("the first difference"), "{out}");
@@ -275,7 +307,8 @@ fn of_a_live_session_what_is_upstream_stays_and_people_and_held_sensors_do_not_r
     let small = SMALL_CAMERA.map(|set| ["--set", set]).concat();
     let run = [&["run", "live.yaml", "--for", "3 s", "--record", "s", "--json"][..], &small].concat();
     let out = stillpoint(folder.path(), &run);
-    let report: Value = serde_json::from_slice(&out.stdout).unwrap_or_else(|_| panic!("{}", text(&out.stderr)));
+    let report: Value =
+        serde_json::from_slice(&out.stdout).unwrap_or_else(|_| panic!("{}", text(&out.stderr)));
     let session = folder.path().join(report["session"].as_str().unwrap());
 
     // Without a change nothing runs again, and the recording is what it was.
@@ -289,7 +322,10 @@ fn of_a_live_session_what_is_upstream_stays_and_people_and_held_sensors_do_not_r
     };
     // A loop that is closed over the rig: only the console is recorded.
     let (closed, computed) = what_if(folder.path(), &session, "closed", &["--set", "law.proportional=3 1/s"]);
-    assert_eq!((&closed["held"], &closed["closed_loop"]), (&serde_json::json!(["console"]), &serde_json::json!(["rig"])));
+    assert_eq!(
+        (&closed["held"], &closed["closed_loop"]),
+        (&serde_json::json!(["console"]), &serde_json::json!(["rig"]))
+    );
     assert!(is_identical(&closed, "console.capture") && is_identical(&closed, "console.journal"));
     assert!(!closed["measured_steps"].as_array().unwrap().is_empty());
     assert!(!is_identical(&closed, "law.duties"));
@@ -299,7 +335,10 @@ fn of_a_live_session_what_is_upstream_stays_and_people_and_held_sensors_do_not_r
     // A loop that is opened at the rig. Its images are not in the session: they are computed on the way.
     let hold = ["--set", "face.leaf=6 mm", "--hold", "rig"];
     let (open, _) = what_if(folder.path(), &session, "open", &hold);
-    assert_eq!((&open["closed_loop"], &open["differences_of_recording"]), (&serde_json::json!([]), &0.into()));
+    assert_eq!(
+        (&open["closed_loop"], &open["differences_of_recording"]),
+        (&serde_json::json!([]), &0.into())
+    );
     assert!(open["held"].as_array().unwrap().contains(&"rig".into()), "{}", open["held"]);
     assert!(is_identical(&open, "rig.truth") && is_identical(&open, "rig.journal"));
     assert!(!is_identical(&open, "head.pose"));

@@ -126,7 +126,10 @@ mod tests {
         let zero = [0, 100];
         assert_eq!(choose(&both, zero, Choice::Auto), Alignment::Origin);
         let pairs = Pairs::of(&both, zero, Alignment::Origin);
-        assert_eq!([0, 1, 2, 3].map(|n| pairs.partner((0, n))), [Some((0, 0)), None, Some((0, 1)), Some((0, 2))]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|n| pairs.partner((0, n))),
+            [Some((0, 0)), None, Some((0, 1)), Some((0, 2))]
+        );
         assert_eq!(pairs.alone(0, &both[0]).count(), 1);
         assert_eq!(pairs.alone(1, &both[1]).count(), 0);
     }

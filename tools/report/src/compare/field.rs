@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use stillpoint_samples::{Diagnostics, Field, HEADER_SIZE, Names, Pieces, Primitive, Sample, SampleKind, Shape};
+use stillpoint_samples::{
+    Diagnostics, Field, HEADER_SIZE, Names, Pieces, Primitive, Sample, SampleKind, Shape,
+};
 
 use crate::thinned::Thinned;
 
@@ -95,17 +97,20 @@ pub(super) struct Fields {
 
 impl Fields {
     pub fn new(kind: &'static SampleKind) -> Self {
-        let (body, element) = (slots(kind.body), match kind.bare {
-            Some(primitive) => vec![Slot {
-                name: "data".to_owned(),
-                unit: String::new(),
-                at: 0,
-                count: 1,
-                primitive,
-                is_code: false,
-            }],
-            None => slots(kind.element),
-        });
+        let (body, element) = (
+            slots(kind.body),
+            match kind.bare {
+                Some(primitive) => vec![Slot {
+                    name: "data".to_owned(),
+                    unit: String::new(),
+                    at: 0,
+                    count: 1,
+                    primitive,
+                    is_code: false,
+                }],
+                None => slots(kind.element),
+            },
+        );
         Self { kind, body, element, sums: BTreeMap::new() }
     }
 
@@ -148,8 +153,12 @@ impl Fields {
             return found;
         }
         let size = self.kind.element_size.max(1);
-        let elements: Vec<[&[u8]; 2]> =
-            first.payload.chunks_exact(size).zip(second.payload.chunks_exact(size)).map(|(a, b)| [a, b]).collect();
+        let elements: Vec<[&[u8]; 2]> = first
+            .payload
+            .chunks_exact(size)
+            .zip(second.payload.chunks_exact(size))
+            .map(|(a, b)| [a, b])
+            .collect();
         for (place, slot) in self.element.iter().enumerate() {
             let sum = self.sums.entry((behind + 1 + place, slot.name.clone())).or_default();
             if sum.take(at, slot, &elements, has_curves) {
@@ -163,7 +172,8 @@ impl Fields {
     fn metrics(&mut self, at: u64, first: Pieces<'_>, second: Pieces<'_>) -> Option<String> {
         let named = |pieces: Pieces<'_>| -> Vec<(String, f64)> {
             let view = pieces.view::<Diagnostics>();
-            view.map(|v| v.elements.iter().map(|m| (m.name().to_owned(), m.value)).collect()).unwrap_or_default()
+            view.map(|v| v.elements.iter().map(|m| (m.name().to_owned(), m.value)).collect())
+                .unwrap_or_default()
         };
         let (one, other) = (named(first), named(second));
         let mut found = None;
@@ -274,7 +284,8 @@ fn trend(course: &[(u64, f64)]) -> Option<Trend> {
     if quarter < 2 {
         return None;
     }
-    let rms = |part: &[(u64, f64)]| (part.iter().map(|(_, square)| square).sum::<f64>() / part.len() as f64).sqrt();
+    let rms =
+        |part: &[(u64, f64)]| (part.iter().map(|(_, square)| square).sum::<f64>() / part.len() as f64).sqrt();
     let (first, last) = (rms(&course[..quarter]), rms(&course[course.len() - quarter..]));
     Some(if last >= 2.0 * first {
         Trend::Grows
@@ -324,7 +335,11 @@ fn slots(fields: &[Field]) -> Vec<Slot> {
 fn unit_of(field: &Field, index: usize) -> &'static str {
     match field.unit.split_once(", ") {
         Some((first, second)) if field.array == 6 && !second.contains(',') => {
-            if index < 3 { first } else { second }
+            if index < 3 {
+                first
+            } else {
+                second
+            }
         }
         _ => field.unit,
     }

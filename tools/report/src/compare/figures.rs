@@ -45,7 +45,9 @@ fn figures(session: &Session, registry: &Registry) -> Vec<(String, &'static str,
     if let Some(held) = held {
         for against in &held.targets {
             for off in &against.channels {
-                let name = |what: &str| format!("{} from {} in {}, {what}", against.estimate, against.target, off.channel);
+                let name = |what: &str| {
+                    format!("{} from {} in {}, {what}", against.estimate, against.target, off.channel)
+                };
                 all.push((name("rms of the last 5 s"), off.unit, Some(off.rms)));
                 all.push((name("worst of the last 5 s"), off.unit, Some(off.worst)));
             }

@@ -19,8 +19,8 @@ use stillpoint_samples::{Journal, Pieces, Sample, SampleKind};
 
 pub use align::{Alignment, Choice};
 use align::{Key, Pairs};
-pub use field::{FieldDifference, Trend};
 use field::Fields;
+pub use field::{FieldDifference, Trend};
 pub use figures::Figure;
 pub use pages::sections;
 
@@ -104,7 +104,8 @@ pub fn of_sessions(
     let [a, b] = sessions;
     let zero = [a, b].map(zero);
     let mut keys = [keys_of(a)?, keys_of(b)?];
-    let (mut topics, mut only, mut unread): (BTreeMap<usize, Seen>, _, _) = (BTreeMap::new(), [vec![], vec![]], vec![]);
+    let (mut topics, mut only, mut unread): (BTreeMap<usize, Seen>, _, _) =
+        (BTreeMap::new(), [vec![], vec![]], vec![]);
     for (number, topic) in a.topics().iter().enumerate().filter(|(_, t)| t.role != Role::Measured) {
         let Some(other) = b.topic_number(&topic.name) else {
             only[0].push(topic.name.clone());
@@ -138,7 +139,8 @@ pub fn of_sessions(
             },
         );
     }
-    let known = |t: &&stillpoint_recorder::Topic| t.role != Role::Measured && a.topic_number(&t.name).is_none();
+    let known =
+        |t: &&stillpoint_recorder::Topic| t.role != Role::Measured && a.topic_number(&t.name).is_none();
     only[1].extend(b.topics().iter().filter(known).map(|t| t.name.clone()));
 
     for recorded in a.samples_where(|t| t.role != Role::Measured) {
@@ -150,7 +152,8 @@ pub fn of_sessions(
         let Some(first) = first else { continue };
         let at = first.header().stamp.saturating_sub(zero[0]);
         seen.compared += 1;
-        let is_same = partner == key && b.holds(seen.numbers[1], partner.0, partner.1, &recorded.sample)? == Some(true);
+        let is_same =
+            partner == key && b.holds(seen.numbers[1], partner.0, partner.1, &recorded.sample)? == Some(true);
         if is_same {
             if !seen.is_journal {
                 seen.fields.same(at, first);
@@ -211,7 +214,9 @@ fn first_of(topics: &[TopicDifference]) -> Option<First> {
 impl Comparison {
     /// Whether all that both sessions hold is the same, and neither holds more.
     pub fn is_identical(&self) -> bool {
-        self.topics.iter().all(|t| t.identical) && self.only.iter().all(Vec::is_empty) && self.unread.is_empty()
+        self.topics.iter().all(|t| t.identical)
+            && self.only.iter().all(Vec::is_empty)
+            && self.unread.is_empty()
     }
 }
 

@@ -30,7 +30,12 @@ enum Columns {
 }
 
 /// Writes a table for each topic into a folder.
-pub fn write(session: &Session, chosen: &Chosen, fields: &[String], out: &Path) -> Result<Vec<Written>, Failure> {
+pub fn write(
+    session: &Session,
+    chosen: &Chosen,
+    fields: &[String],
+    out: &Path,
+) -> Result<Vec<Written>, Failure> {
     let names = metric_names(session, chosen)?;
     let mut tables = BTreeMap::new();
     for (number, topic) in session.topics().iter().enumerate().filter(|(number, _)| chosen.topics[*number]) {
@@ -59,7 +64,8 @@ pub fn write(session: &Session, chosen: &Chosen, fields: &[String], out: &Path) 
         }
         written.samples += 1;
         for line in lines(kind, columns, pieces) {
-            writeln!(table, "{line}").map_err(|e| Failure::failed(format!("{}: {e}", written.file.display())))?;
+            writeln!(table, "{line}")
+                .map_err(|e| Failure::failed(format!("{}: {e}", written.file.display())))?;
             written.lines += 1;
         }
     }
@@ -117,7 +123,8 @@ fn named(fields: &[Field]) -> Vec<String> {
             continue;
         }
         for index in 0..field.array {
-            let part = parts_of(field).get(index).map_or_else(|| format!("[{index}]"), |p| format!(".{}", p.word));
+            let part =
+                parts_of(field).get(index).map_or_else(|| format!("[{index}]"), |p| format!(".{}", p.word));
             names.push(format!("{}{part}{}", field.name, unit(single_unit(field, index))));
         }
     }

@@ -111,12 +111,13 @@ impl Export {
             ));
         }
         if !self.field.is_empty() && self.topics.len() != 1 {
-            return Err(Failure::wrong("--field needs exactly one topic: name the topic that has these values"));
+            return Err(Failure::wrong(
+                "--field needs exactly one topic: name the topic that has these values",
+            ));
         }
         let chosen = self.chosen(&session)?;
-        stillpoint_pipeline::session_recorder::create_folder(&self.out).map_err(|e| {
-            Failure::failed(e.to_string().replace("--record", "--out"))
-        })?;
+        stillpoint_pipeline::session_recorder::create_folder(&self.out)
+            .map_err(|e| Failure::failed(e.to_string().replace("--record", "--out")))?;
         let written = match self.format {
             Format::Csv => csv::write(&session, &chosen, &self.field, &self.out),
             Format::Mcap => mcap::write(&session, &chosen, &self.out, self.compression.into()),
@@ -129,9 +130,7 @@ impl Export {
         // What is half written is no export.
         let written = written.inspect_err(|_| drop(std::fs::remove_dir_all(&self.out)))?;
         if self.json {
-            let file = |w: &Written| {
-                json!({ "file": w.file, "topic": w.topic, "samples": w.samples, "lines": w.lines })
-            };
+            let file = |w: &Written| json!({ "file": w.file, "topic": w.topic, "samples": w.samples, "lines": w.lines });
             print_json(&json!({ "files": written.iter().map(file).collect::<Vec<_>>() }))?;
         } else {
             for w in &written {

@@ -22,9 +22,8 @@ pub fn write(
     let name = session.topics()[topic].name.clone();
     let (recorded, kind) = find(session, topic, sequence)?;
     let pieces = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
-    let wrong = |what: &str| {
-        Failure::wrong(format!("{name} has samples of the type {}: --format {what}", kind.name))
-    };
+    let wrong =
+        |what: &str| Failure::wrong(format!("{name} has samples of the type {}: --format {what}", kind.name));
     let (bytes, extension) = match format {
         Format::Ply | Format::Pcd if *kind == *PointCloud::KIND => {
             let view = pieces.view::<PointCloud>().map_err(Failure::failed)?;
