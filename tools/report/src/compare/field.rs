@@ -236,10 +236,8 @@ impl Sum {
                 })
             })
             .collect();
-        let is_other = |both: &[&[u8]; 2]| {
-            let of = |bytes: &[u8]| bytes.get(slot.at..slot.at + slot.count * size).map(<[u8]>::to_vec);
-            of(both[0]) != of(both[1])
-        };
+        let own = slot.at..slot.at + slot.count * size;
+        let is_other = |both: &[&[u8]; 2]| both[0].get(own.clone()) != both[1].get(own.clone());
         let differs = elements.iter().any(is_other);
         self.add(at, &values, differs, slot.is_code, has_curve && slot.count == 1 && !slot.is_code)
     }
