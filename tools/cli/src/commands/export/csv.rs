@@ -117,7 +117,11 @@ fn head(kind: &'static SampleKind, columns: &Columns) -> String {
 fn named(fields: &[Field]) -> Vec<String> {
     let mut names = Vec::new();
     for field in fields.iter().filter(|field| is_exported(field)) {
-        let unit = |unit: &str| if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+        // Of a field that names several units, none is this column's for sure.
+        let unit = |unit: &str| match unit.is_empty() || unit.contains(',') {
+            true => String::new(),
+            false => format!(" [{unit}]"),
+        };
         if field.array == 0 || is_text(field) {
             names.push(format!("{}{}", field.name, unit(field.unit)));
             continue;
