@@ -60,6 +60,18 @@ impl Snapshot {
         Ok(Self { files, remarks })
     }
 
+    /// The files that a graph names, as `files` gives them, in memory.
+    pub fn in_memory(graph: &Graph, files: &dyn Files) -> Result<Self, FileError> {
+        let mut held = BTreeMap::new();
+        for name in graph.files() {
+            for file in files.list(name).map_err(|e| FileError::new(name, &e))? {
+                let bytes = files.read(&file).map_err(|e| FileError::new(&file, &e))?;
+                held.insert(file, Place::Here(bytes));
+            }
+        }
+        Ok(Self { files: held, remarks: BTreeMap::new() })
+    }
+
     /// What operators leave out of their files, by operator.
     pub fn remarks(&self) -> &BTreeMap<String, Vec<String>> {
         &self.remarks

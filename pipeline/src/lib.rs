@@ -15,6 +15,7 @@
 //!
 //! A run:
 //! - `live`: processes, supervisor, recorder; `simulated`: simulated and lock-step runs; `replay`: the journal's schedule
+//! - `what_if`: a session with a changed pipeline
 //! - `clock`: session time; `ledger`: the account of every edge; `stdout`: standard output while operators run
 //! - `limits`: the limits of the system that a run may meet
 //!
@@ -57,6 +58,7 @@ pub mod session_files;
 pub mod session_recorder;
 pub mod simulated;
 pub mod stdout;
+pub mod what_if;
 
 use stillpoint_operator as operator;
 use stillpoint_operator::{Stage, activation, frames, outputs, outside, params};

@@ -109,16 +109,7 @@ pub fn simulate(
             Some(recorder.map_err(SimulatedError::NoSession)?)
         }
     };
-    let mut account = Account {
-        graph: graph.clone(),
-        session_recorder,
-        observer,
-        ledger: Ledger::default(),
-        status: Status::new(graph),
-        faults: Vec::new(),
-        samples: 0,
-        bytes: 0,
-    };
+    let mut account = Account::new(graph, session_recorder, observer);
     let mut events = Events::new(graph.clone()).stopped_by(options.stop);
     let ended = events.run(placement, 0, options.length, &mut account);
     if let Err(RunError::NotBegun(reason)) = ended {
@@ -130,7 +121,7 @@ pub fn simulate(
 }
 
 /// What is kept of a run as it goes on.
-struct Account<'a> {
+pub(crate) struct Account<'a> {
     graph: Arc<Graph>,
     session_recorder: Option<SessionRecorder>,
     observer: &'a mut dyn Observer,
@@ -141,9 +132,27 @@ struct Account<'a> {
     bytes: u64,
 }
 
-impl Account<'_> {
-    /// Ends the session, and says how the run went that ended at `end`, ns of session time.
-    fn report(self, end: u64, ended: Result<(), RunError>) -> Result<RunReport, SimulatedError> {
+impl<'a> Account<'a> {
+    /// Nothing yet, of a run of this graph that is recorded there, if anywhere.
+    pub(crate) fn new(
+        graph: &Arc<Graph>,
+        session_recorder: Option<SessionRecorder>,
+        observer: &'a mut dyn Observer,
+    ) -> Self {
+        Self {
+            graph: graph.clone(),
+            session_recorder,
+            observer,
+            ledger: Ledger::default(),
+            status: Status::new(graph),
+            faults: Vec::new(),
+            samples: 0,
+            bytes: 0,
+        }
+    }
+
+    /// Ends the session, and says how the run went that lasted until `end`, ns of session time since its start.
+    pub(crate) fn report(self, end: u64, ended: Result<(), RunError>) -> Result<RunReport, SimulatedError> {
         let ledger = self.ledger.lines(&self.graph);
         let mut recorded = Vec::new();
         if let Some(session_recorder) = self.session_recorder {

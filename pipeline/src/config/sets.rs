@@ -1,4 +1,5 @@
-//! `--set operator.param=value`: what the command line puts in the place of what the file says.
+//! `--set operator.param=value`: what the command line puts in the place of what the file says. `operator.use`,
+//! `operator.every` and other keys of an operator, and `operator.inputs.INPUT`, are set in the same way.
 
 use super::document;
 use super::faults::{Code, Findings};
@@ -68,10 +69,11 @@ fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) 
     }
     let Some(found) = find_operator(root, operator, findings) else { return };
     let mut at = found;
-    let is_key = rest.len() == 1
-        && operators::KEYS.contains(&rest[0].value.as_str())
-        && !matches!(rest[0].value.as_str(), "use" | "params" | "inputs");
-    if !is_key {
+    let key = rest[0].value.as_str();
+    // The keys of an input, or all of it: `law.inputs.state={ from: filter.state, queue: 4 }`.
+    let is_input = key == "inputs";
+    let is_key = rest.len() == 1 && operators::KEYS.contains(&key) && key != "params";
+    if !is_key && !is_input {
         let Some(params) = child(at, &Marked::new("params".into(), operator.span), findings) else { return };
         at = params;
     }

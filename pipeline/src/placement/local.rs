@@ -1,5 +1,6 @@
 //! All operators in this thread.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use stillpoint_samples::{Entry, JournalRef};
@@ -15,13 +16,20 @@ pub struct Local<'f> {
     graph: Arc<Graph>,
     operators: Vec<Directed>,
     files: &'f dyn Files,
+    /// The operators that samples are kept for; `None`: all.
+    serving: Option<BTreeSet<usize>>,
 }
 
 impl<'f> Local<'f> {
     /// The operators of a graph, without incarnations yet.
     pub fn new(graph: Arc<Graph>, files: &'f dyn Files) -> Self {
         let operators = (0..graph.operators.len()).map(|i| Directed::new(graph.clone(), i)).collect();
-        Self { graph, operators, files }
+        Self { graph, operators, files, serving: None }
+    }
+
+    /// The same for activations of these operators alone: samples wait for no others.
+    pub fn serving(self, which: BTreeSet<usize>) -> Self {
+        Self { serving: Some(which), ..self }
     }
 
     /// Does one activation, and keeps its outputs from the consumers.
@@ -32,7 +40,9 @@ impl<'f> Local<'f> {
     /// Hands a sample of an output to its consumers.
     pub fn deliver(&mut self, operator: usize, output: usize, owned: &OwnedSample) {
         for (consumer, port) in self.graph.consumers(operator, output) {
-            self.operators[consumer].deliver(port, owned.clone());
+            if self.serving.as_ref().is_none_or(|which| which.contains(&consumer)) {
+                self.operators[consumer].deliver(port, owned.clone());
+            }
         }
     }
 

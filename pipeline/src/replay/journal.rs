@@ -32,7 +32,12 @@ impl<'s> Ordered<'s> {
 
     /// The entries in order.
     pub fn entries(self) -> impl Iterator<Item = (usize, &'s Entry, Option<String>)> {
-        self.entries.into_iter().map(|(_, operator, entry, missing)| (operator, entry, missing))
+        self.timed().map(|(_, operator, entry, missing)| (operator, entry, missing))
+    }
+
+    /// The entries in order, each with its place in time.
+    pub fn timed(self) -> impl Iterator<Item = (u64, usize, &'s Entry, Option<String>)> {
+        self.entries.into_iter()
     }
 
     /// Session time between the first and the last entry, s.

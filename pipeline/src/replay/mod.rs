@@ -11,11 +11,11 @@
 //! - `selection`: which operators are compared, and which must run for that
 
 mod difference;
-mod journal;
+pub(crate) mod journal;
 mod orphans;
-mod replayer;
+pub(crate) mod replayer;
 mod report;
-mod selection;
+pub(crate) mod selection;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

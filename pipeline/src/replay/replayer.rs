@@ -44,7 +44,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         Self {
             session,
             graph: graph.clone(),
-            placement: Local::new(graph.clone(), files),
+            placement: Local::new(graph.clone(), files).serving(run.clone()),
             files,
             lives: graph.operators.iter().map(|_| None).collect(),
             compared,

@@ -46,7 +46,7 @@ pub(super) fn selected(graph: &Graph, selection: &Selection) -> Result<BTreeSet<
 }
 
 /// The operators that must run: those compared, and those that make what the recording does not hold for them.
-pub(super) fn needed(session: &Session, graph: &Graph, compared: &BTreeSet<usize>) -> BTreeSet<usize> {
+pub(crate) fn needed(session: &Session, graph: &Graph, compared: &BTreeSet<usize>) -> BTreeSet<usize> {
     let (mut found, mut todo) = (BTreeSet::new(), compared.iter().copied().collect::<Vec<_>>());
     while let Some(operator) = todo.pop() {
         if graph.operators[operator].stage.kind.role == Role::Source || !found.insert(operator) {

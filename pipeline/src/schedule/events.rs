@@ -1,11 +1,15 @@
-//! Discrete events, ordered by (time, place in the graph). Latencies and delays are those that the config declares.
+//! Discrete events, ordered by (time, place in the graph). Delays are those that the config declares, latencies too
+//! unless a session measured others.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use stillpoint_samples::{Cause, Entry, Header, Outcome};
 
 use super::decision::{Decision, Ticks, decide};
+use super::fed::{Fed, Feed, Unfed};
+use super::latencies::Latencies;
 use super::waiting::Waiting;
 use crate::finished::Finished;
 use crate::graph::Graph;
@@ -81,9 +85,12 @@ pub struct Events {
     end: u64,
     /// Set by whoever wants the run to end.
     stop: Arc<AtomicBool>,
+    latencies: Latencies,
 }
 
 struct State {
+    /// Whether its activations are decided here; those of the others are fed.
+    is_decided: bool,
     intake: Intake<Header>,
     ports: Vec<Waiting>,
     ticks: Option<Ticks>,
@@ -117,6 +124,7 @@ impl Events {
             .operators
             .iter()
             .map(|node| State {
+                is_decided: true,
                 intake: Intake::new(node),
                 ports: node.inputs.iter().map(|i| Waiting::of(i.policy)).collect(),
                 ticks: None,
@@ -128,7 +136,21 @@ impl Events {
             .collect();
         let restarts = graph.processes.iter().map(|p| Restarts::new(p.restart)).collect();
         let stop = Arc::default();
-        Self { finished: Finished::new(&graph), graph, operators, restarts, end: 0, stop }
+        let latencies = Latencies::default();
+        Self { finished: Finished::new(&graph), graph, operators, restarts, end: 0, stop, latencies }
+    }
+
+    /// The same for a run that decides the activations of these operators alone.
+    pub fn deciding(mut self, which: &BTreeSet<usize>) -> Self {
+        for (operator, state) in self.operators.iter_mut().enumerate() {
+            state.is_decided = which.contains(&operator);
+        }
+        self
+    }
+
+    /// The same for steps that take these times.
+    pub fn taking(self, latencies: Latencies) -> Self {
+        Self { latencies, ..self }
     }
 
     /// The same for a run that ends once `stop` is set: timers stop then. Set again, it ends the drain, too.
@@ -150,14 +172,27 @@ impl Events {
         duration: u64,
         observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
+        self.run_fed(&mut Unfed(placement), start, duration, observer)
+    }
+
+    /// The same with the activations of a feed among those that are decided here. After the end of the run, what is left
+    /// of the feed still comes.
+    pub fn run_fed(
+        &mut self,
+        feed: &mut impl Feed,
+        start: u64,
+        duration: u64,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RunError> {
         self.end = start.saturating_add(duration);
-        self.begin(placement, start, observer)?;
+        self.begin(feed, start, observer)?;
         let mut last = start;
-        let mut ended = Ok(());
-        while let Some((time, operator)) = self.next() {
-            if time >= self.end.saturating_add(DRAIN) {
-                break;
-            }
+        let (mut ended, mut is_over) = (Ok(()), false);
+        loop {
+            let drained = self.end.saturating_add(DRAIN);
+            let decided = self.next().filter(|(time, _)| !is_over && *time < drained);
+            let fed = feed.next();
+            let Some((time, operator)) = decided.into_iter().chain(fed).min() else { break };
             if self.stop.swap(false, Ordering::Relaxed) {
                 if ended.is_err() {
                     break;
@@ -167,20 +202,33 @@ impl Events {
                 continue;
             }
             last = last.max(time);
-            if let Err(e) = self.visit(operator, time, placement, observer) {
+            if fed == Some((time, operator)) {
+                if let Some(fed) = feed.take()? {
+                    self.take_fed(operator, time, &fed, observer)?;
+                }
+                continue;
+            }
+            if let Err(e) = self.visit(operator, time, feed, observer) {
                 self.end = self.end.min(last);
                 // A fault ends the run in order.
                 if !matches!(e, RunError::Fault { .. }) {
                     return Err(e);
                 }
                 ended = Err(e);
-                break;
+                is_over = true;
             }
         }
+        last = last.max(feed.ended().unwrap_or(0));
         for (operator, state) in self.operators.iter().enumerate() {
+            if !state.is_decided {
+                for fed in feed.take_end(operator)? {
+                    observer.on_activation(operator, &fed.entry, &fed.outputs).map_err(RunError::Observer)?;
+                }
+                continue;
+            }
             // The dead mark no end.
             if !matches!(state.down, Some(Down::Dead(_))) {
-                let entry = placement.end(operator, last, &state.intake.account())?;
+                let entry = feed.end(operator, last, &state.intake.account())?;
                 observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
             }
         }
@@ -190,15 +238,22 @@ impl Events {
     /// The first incarnations begin.
     fn begin(
         &mut self,
-        placement: &mut dyn Placement,
+        feed: &mut impl Feed,
         start: u64,
         observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         for (operator, state) in self.operators.iter_mut().enumerate() {
+            if !state.is_decided {
+                if let Some(fed) = feed.take_start(operator, start)? {
+                    self.finished.enter(operator, &fed.entry);
+                    observer.on_activation(operator, &fed.entry, &fed.outputs).map_err(RunError::Observer)?;
+                }
+                continue;
+            }
             state.busy_until = start;
             let every = self.graph.operators[operator].every;
             state.ticks = every.map(|every| Ticks { epoch: start, every, next: 0 });
-            let entry = placement.start(operator, 0, start).map_err(RunError::NotBegun)?;
+            let entry = feed.start(operator, 0, start).map_err(RunError::NotBegun)?;
             observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
         }
         Ok(())
@@ -206,7 +261,8 @@ impl Events {
 
     /// The next operator that may have something to do, and when.
     fn next(&self) -> Option<(u64, usize)> {
-        let candidates = self.operators.iter().enumerate().filter_map(|(index, state)| {
+        let decided = self.operators.iter().enumerate().filter(|(_, state)| state.is_decided);
+        let candidates = decided.filter_map(|(index, state)| {
             if let Some(down) = state.down {
                 return (down.until() < self.end).then_some((down.until(), index));
             }
@@ -254,36 +310,64 @@ impl Events {
             ticks.next = tick + 1;
         }
         state.dirty = true;
-        if let Some(deadline) = node.deadline.filter(|deadline| node.latency > *deadline) {
-            return self.die(operator, time.saturating_add(deadline), observer);
+        let latency = self.latencies.of(node, time);
+        if let Some(deadline) = node.deadline.filter(|deadline| latency > *deadline) {
+            return self.die(operator, time.saturating_add(deadline), latency, observer);
         }
         let state = &mut self.operators[operator];
         let record = Record { time, nominal, tick, cause, port, inputs: state.intake.begin(cause, port) };
         let committed = placement.activate(operator, &record)?;
         state.intake.end();
         // At least one nanosecond, so that stamps of an operator rise.
-        state.busy_until = time.saturating_add(node.latency.max(1));
+        state.busy_until = time.saturating_add(latency.max(1));
         observer.on_activation(operator, &committed.entry, &committed.outputs).map_err(RunError::Observer)?;
         if let Some(reason) = &committed.fault {
             observer.failed(operator, reason);
         }
-        self.finished.enter(operator, &committed.entry);
-        if committed.entry.outcome() == Some(Outcome::Finished) && self.finished.is_all(&graph) {
-            // What is due now still happens.
-            self.end = self.end.min(time + 1);
-        }
+        self.enter(operator, time, &committed.entry);
         if committed.entry.outcome() == Some(Outcome::Panic) {
             let at = self.answer(operator, time, &committed.fault.unwrap_or_default())?;
             // At least one nanosecond, so that stamps of an operator rise.
             self.operators[operator].down = Some(Down::Panicked(at.max(time + 1)));
         }
-        for (output, owned) in &committed.outputs {
-            for (consumer, port) in graph.consumers(operator, *output) {
-                let arrival = time.saturating_add(node.latency);
-                self.operators[consumer].ports[port].send(arrival, owned.header());
+        self.send(operator, time.saturating_add(latency), &committed.outputs);
+        Ok(())
+    }
+
+    /// Takes what happened already.
+    fn take_fed(
+        &mut self,
+        operator: usize,
+        time: u64,
+        fed: &Fed,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RunError> {
+        let latency = self.latencies.of(&self.graph.operators[operator], time);
+        observer.on_activation(operator, &fed.entry, &fed.outputs).map_err(RunError::Observer)?;
+        self.enter(operator, time, &fed.entry);
+        self.send(operator, time.saturating_add(latency), &fed.outputs);
+        Ok(())
+    }
+
+    /// The run is over where this entry says that the last that feeds it has finished.
+    fn enter(&mut self, operator: usize, time: u64, entry: &Entry) {
+        self.finished.enter(operator, entry);
+        if entry.outcome() == Some(Outcome::Finished) && self.finished.is_all(&self.graph) {
+            // What is due now still happens.
+            self.end = self.end.min(time.saturating_add(1));
+        }
+    }
+
+    /// Sends outputs on their way to the consumers whose activations are decided here.
+    fn send(&mut self, operator: usize, arrival: u64, outputs: &[(usize, OwnedSample)]) {
+        for (output, owned) in outputs {
+            for (consumer, port) in self.graph.consumers(operator, *output) {
+                let state = &mut self.operators[consumer];
+                if state.is_decided {
+                    state.ports[port].send(arrival, owned.header());
+                }
             }
         }
-        Ok(())
     }
 
     /// When what failed at `time` begins again, or why the run ends.
@@ -298,12 +382,18 @@ impl Events {
     }
 
     /// A step is not done by its deadline: its process dies, with all its operators, and nothing of the step is seen.
-    fn die(&mut self, operator: usize, time: u64, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn die(
+        &mut self,
+        operator: usize,
+        time: u64,
+        latency: u64,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RunError> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         let message = format!(
             "a step takes {} us, longer than its deadline of {} us",
-            node.latency / 1000,
+            latency / 1000,
             node.deadline.unwrap_or(0) / 1000
         );
         observer.failed(operator, &message);

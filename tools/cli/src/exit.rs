@@ -14,7 +14,7 @@ pub enum Exit {
     Failed = 1,
     /// The command line or the pipeline is wrong.
     Wrong = 2,
-    /// A replay differs from its recording.
+    /// A replay differs from its recording, or two sessions differ.
     Differs = 3,
     /// A session cannot be replayed as a whole; the parts that can be replayed match.
     Open = 4,

@@ -38,6 +38,7 @@ mod attach;
 mod columns;
 mod commands;
 mod compress;
+mod differences;
 mod doctor;
 mod exit;
 mod held;

@@ -6,6 +6,7 @@
 //! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `unanswered`, `uncaptured`, `target_refusals`: the figures at the end of a run
 //! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; edges of operators
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
+//! - `compare`: two sessions, topic by topic and field by field
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
 //! - `contracts`: bounds of time against the journals
 //! - `trace`: how long samples take from a source to a sink, and where the time goes
@@ -23,6 +24,7 @@ pub mod accuracy;
 mod broken;
 mod camera;
 pub mod chart;
+pub mod compare;
 pub mod contracts;
 mod drawings;
 mod episodes;
@@ -71,7 +73,7 @@ pub use error::ReportError;
 pub use escape::escape;
 pub use page::Section;
 pub use picture::base64;
-pub use session_pipeline::{MERGED, SessionPipelineError, pipeline_of};
+pub use session_pipeline::{MERGED, SessionPipeline, SessionPipelineError, pipeline_of, recorded_pipeline};
 
 /// All sections of the report of the session at `path`, with at most this number of `pictures` per camera.
 ///

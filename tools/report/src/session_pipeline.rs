@@ -37,6 +37,18 @@ pub enum SessionPipelineError {
     Faults(Faults),
 }
 
+/// A pipeline that a session keeps, as it was recorded or with changes.
+pub struct SessionPipeline {
+    /// The checked pipeline.
+    pub graph: Graph,
+    /// The files that the session keeps.
+    pub files: SessionFiles,
+    /// Text of the pipeline.
+    pub text: String,
+    /// Arguments of `--set`: those of the recording, those that keep the defaults of its time, those that are added.
+    pub sets: Vec<String>,
+}
+
 /// The checked pipeline of a session, and the files that the session keeps.
 ///
 /// # Errors
@@ -45,6 +57,18 @@ pub fn pipeline_of(
     session: &Session,
     registry: &Registry,
 ) -> Result<(Graph, SessionFiles), SessionPipelineError> {
+    let SessionPipeline { graph, files, .. } = recorded_pipeline(session, registry)?;
+    Ok((graph, files))
+}
+
+/// The same with what it was checked from.
+///
+/// # Errors
+/// The session keeps no pipeline, or one that this build refuses.
+pub fn recorded_pipeline(
+    session: &Session,
+    registry: &Registry,
+) -> Result<SessionPipeline, SessionPipelineError> {
     if let Some(hosts) = session.metadata().get(MERGED) {
         let hosts: Vec<&str> = hosts.keys().filter_map(|key| key.strip_suffix(".session")).collect();
         return Err(SessionPipelineError::Joined(hosts.join(", ")));
@@ -55,19 +79,19 @@ pub fn pipeline_of(
             .map_err(|e| SessionPipelineError::Unreadable { name, reason: e.to_string() })
     };
     let source = text(PIPELINE)?;
-    let sets: Vec<String> = serde_json::from_str(&text(SETS)?)
+    let mut sets: Vec<String> = serde_json::from_str(&text(SETS)?)
         .map_err(|e| SessionPipelineError::Unreadable { name: SETS, reason: e.to_string() })?;
     let files = SessionFiles::of(session);
     let check = |sets: &[String]| {
         config::check(&source, PIPELINE, sets, registry, &files).map_err(SessionPipelineError::Faults)
     };
-    let graph = check(&sets)?;
-    let recorded = recorded(session)?;
-    let former = former_defaults(&graph, &recorded);
-    if former.is_empty() {
-        return Ok((graph, files));
+    let mut graph = check(&sets)?;
+    let former = former_defaults(&graph, &recorded(session)?);
+    if !former.is_empty() {
+        sets.extend(former);
+        graph = check(&sets)?;
     }
-    Ok((check(&[sets, former].concat())?, files))
+    Ok(SessionPipeline { graph, files, text: source, sets })
 }
 
 /// The resolved parameters that the session keeps, by operator. None are no reason to refuse a session.

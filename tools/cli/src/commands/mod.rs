@@ -6,8 +6,10 @@ pub(crate) mod bridge;
 mod case;
 mod check;
 mod delivered;
+mod diff;
 mod doctor;
 mod echo;
+mod export;
 mod graph;
 mod hz;
 mod identify;
@@ -33,6 +35,7 @@ mod trace;
 mod train;
 mod types;
 mod view;
+mod what_if;
 
 use clap::Subcommand;
 use stillpoint_operator::Registry;
@@ -48,8 +51,12 @@ pub enum Command {
     Rig(rig::Rig),
     /// Check a pipeline and show all its faults.
     Check(check::Check),
-    /// Replay a session from its journals and compare every recorded topic byte by byte.
+    /// Replay a session from its journals and compare every recorded topic byte by byte, or with a change.
     Replay(replay::Replay),
+    /// Compare two sessions: what differs first, by how much, and how it goes on.
+    Diff(diff::Diff),
+    /// Write topics of a session as CSV tables or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
+    Export(export::Export),
     /// Show the contents of a session and whether it is complete.
     Info(info::Info),
     /// Write a report of a session: tracks, pictures, rates, latencies, ledger, faults, provenance.
@@ -124,6 +131,8 @@ impl Command {
             Self::Rig(c) => c.execute(registry),
             Self::Check(c) => c.execute(registry),
             Self::Replay(c) => c.execute(registry),
+            Self::Diff(c) => c.execute(registry),
+            Self::Export(c) => c.execute(),
             Self::Info(c) => c.execute(registry),
             Self::Report(c) => c.execute(registry),
             Self::Merge(c) => c.execute(registry),

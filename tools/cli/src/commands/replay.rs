@@ -17,11 +17,17 @@ use stillpoint_report::facts::layout;
 use stillpoint_report::pipeline_of;
 use stillpoint_samples::Entry;
 
+use super::what_if::{WhatIfArgs, add_metadata};
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
 
-/// Replay a session from its journals and compare every recorded topic byte by byte.
+/// Replay a session from its journals and compare every recorded topic byte by byte; or, with `--set`, compute what a
+/// change would have done.
+///
+/// With `--set`, `--with` or `--rerun`, all that the change does not reach is taken from the recording, to the bit. The
+/// changed operators and all that is downstream of them run again. The command prints which topics are the same, which
+/// differ, since when and by how much.
 #[derive(Args)]
 pub struct Replay {
     /// The session: a folder of parts, or one file.
@@ -32,12 +38,15 @@ pub struct Replay {
     /// Compare this operator and all operators downstream of it.
     #[arg(long, value_name = "OPERATOR")]
     from: Option<String>,
-    /// Write every topic that the replay computes as a session into this folder.
+    /// Write every topic that the replay computes as a session into this folder. With a change, the session has the topics
+    /// that the pipeline records.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
     /// Compression of the written session. The replay can be repeated at any time, so the default favours speed.
     #[arg(long, value_enum, default_value_t = Compress::None, requires = "record")]
     compression: Compress,
+    #[command(flatten)]
+    what_if: WhatIfArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -64,6 +73,12 @@ impl Replay {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let session = with_topics(Session::open(&self.session), &self.session)?;
+        self.what_if.check()?;
+        if self.what_if.is_asked() {
+            self.warn_of_other_machine(&session);
+            let (record, compression) = (self.record.as_deref(), self.compression.into());
+            return self.what_if.execute(&self.session, &session, registry, record, compression, self.json);
+        }
         let (graph, files) = pipeline_of(&session, registry)?;
         self.warn_of_other_layouts(&session);
         self.warn_of_other_machine(&session);
@@ -86,6 +101,7 @@ impl Replay {
                 let report =
                     replay(&session, &graph, &files, &selection, &mut session_recorder).map_err(failed)?;
                 session_recorder.finish(None).map_err(Failure::failed)?;
+                add_metadata(folder, &Session::open(folder).map_err(Failure::failed)?);
                 report
             }
         };

@@ -10,8 +10,9 @@ use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
-use stillpoint_recorder::{METADATA_FILE, Session, write_metadata};
+use stillpoint_recorder::Session;
 
+use super::what_if::add_metadata;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::metrics::Metrics;
@@ -155,13 +156,8 @@ impl Run {
             self.live(registry, &checked, length, session.as_deref())?
         };
         let opened = session.as_deref().map(Session::open);
-        if let (Some(folder), Some(Ok(opened))) = (&session, &opened)
-            && let Err(e) = write_metadata(folder, opened)
-        {
-            errln!(
-                "{}: {e}. The session is whole, but rosbag2 does not open it",
-                folder.join(METADATA_FILE).display()
-            );
+        if let (Some(folder), Some(Ok(opened))) = (&session, &opened) {
+            add_metadata(folder, opened);
         }
         let session = session.as_deref();
         let graph = &checked.graph;

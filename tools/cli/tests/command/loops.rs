@@ -44,7 +44,7 @@ fn closed_loops_write_the_same_bytes_simulated_and_in_lock_step() {
 }
 
 /// The text of a pipeline whose datagrams go to ports that nobody has.
-fn elsewhere(text: &str) -> String {
+pub fn elsewhere(text: &str) -> String {
     let mut parts = text.split("127.0.0.1:");
     let mut moved = parts.next().unwrap_or_default().to_owned();
     for part in parts {

@@ -7,6 +7,7 @@ mod bladder;
 mod browser;
 mod case;
 mod delivered;
+mod export;
 mod identified;
 mod identity;
 mod loops;
@@ -15,6 +16,7 @@ mod plan;
 mod reach;
 mod report;
 mod streams;
+mod what_if;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
