@@ -15,7 +15,7 @@ use crate::replay::replayer::Replayer;
 use crate::replay::selection::needed;
 use crate::replay::{ReplayError, ReplayReport};
 use crate::sample_store::OwnedSample;
-use crate::schedule::{Fed, Feed, Observer, RunError};
+use crate::schedule::{Fed, Feed, Observer, ObserverError, RunError};
 
 /// An entry of the recording, in its place in time.
 struct Due<'s> {
@@ -46,7 +46,12 @@ pub struct RecordedPart<'s, 'f> {
 struct Outputs(Vec<(usize, OwnedSample)>);
 
 impl Observer for Outputs {
-    fn on_activation(&mut self, _: usize, _: &Entry, outputs: &[(usize, OwnedSample)]) -> Result<(), String> {
+    fn on_activation(
+        &mut self,
+        _: usize,
+        _: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), ObserverError> {
         self.0 = outputs.to_vec();
         Ok(())
     }
@@ -108,7 +113,7 @@ impl<'s, 'f> RecordedPart<'s, 'f> {
         let mut outputs = Outputs::default();
         self.replayer.enter(due.operator, due.entry, due.gap, &mut outputs).map_err(|e| match e {
             ReplayError::Placement(e) => RunError::Placement(e),
-            other => RunError::Observer(other.to_string()),
+            other => RunError::Observer(ObserverError::Failed(other.to_string())),
         })?;
         let Some(number) = self.number[due.operator] else { return Ok(None) };
         for (port, owned) in &outputs.0 {

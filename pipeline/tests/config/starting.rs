@@ -34,7 +34,7 @@ impl Operator for Reader {
         if params.layers > 5 {
             return Err(SetupError(format!("{} layers are more than 5", params.layers)));
         }
-        for name in setup.files.list(&params.models).map_err(SetupError)? {
+        for name in setup.files.list(&params.models).map_err(|e| SetupError(e.to_string()))? {
             let length = setup.file(&name)?.len() as u64;
             if length != params.layers {
                 return Err(SetupError(format!("{name}: it has {length} layers, not {}", params.layers)));

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use stillpoint_operator::Registry;
-use stillpoint_operator::files::{DiskFiles, Files};
+use stillpoint_operator::files::{DiskFiles, Files, FilesError};
 use stillpoint_pipeline::config;
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::what_if::{Checked, Options, StepTimes, WhatIf, WhatIfError, what_if};
@@ -66,7 +66,7 @@ struct Layered {
 }
 
 impl Files for Layered {
-    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+    fn read(&self, name: &str) -> Result<Vec<u8>, FilesError> {
         if self.session.list(name).is_ok() { self.session.read(name) } else { self.disk.read(name) }
     }
 
@@ -74,7 +74,7 @@ impl Files for Layered {
         if self.session.list(name).is_ok() { None } else { self.disk.shared_mode(name) }
     }
 
-    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+    fn list(&self, name: &str) -> Result<Vec<String>, FilesError> {
         self.session.list(name).or_else(|_| self.disk.list(name))
     }
 }
