@@ -243,7 +243,9 @@ impl Events {
             ticks.next = tick + 1;
         }
         state.dirty = true;
-        if let Some(deadline) = node.deadline.filter(|deadline| node.latency > *deadline) {
+        // A change of a parameter is no step, and takes no time.
+        let latency = if cause == Cause::Set { 0 } else { node.latency };
+        if let Some(deadline) = node.deadline.filter(|deadline| latency > *deadline) {
             return self.die(operator, time.saturating_add(deadline), observer);
         }
         let state = &mut self.operators[operator];
@@ -251,7 +253,7 @@ impl Events {
         let committed = placement.activate(operator, &record)?;
         state.intake.end();
         // At least one nanosecond, so that stamps of an operator rise.
-        state.busy_until = time.saturating_add(node.latency.max(1));
+        state.busy_until = time.saturating_add(latency.max(1));
         observer.on_activation(operator, &committed.entry, &committed.outputs).map_err(RunError::Observer)?;
         if let Some(reason) = &committed.fault {
             observer.failed(operator, reason);
