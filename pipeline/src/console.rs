@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason, ActuationState, Command, ConsoleCommand, PoseReport,
-    PoseReportElement, PoseStatus, Rejection, RejectionElement, Sample, Verb,
+    PoseReportElement, PoseStatus, Rejection, RejectionElement, Sample, Setting, SettingElement, Verb,
 };
 
 use crate::activation::Activation;
@@ -14,7 +14,7 @@ use crate::operator::{
     Timer,
 };
 use crate::outputs::Outputs;
-use crate::outside::Inbox;
+use crate::outside::{Inbox, Message};
 use crate::params::{Choice, Params};
 
 /// Name of the kind.
@@ -27,6 +27,8 @@ pub const ACTUATION: usize = 0;
 pub const REPORT: usize = 1;
 /// The output with the reasons for which a command was said again.
 const REFUSED: usize = Verb::ALL.len();
+/// The output with changes of parameters.
+pub const SETTING: usize = REFUSED + 1;
 
 /// What a person says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -49,6 +51,8 @@ pub enum ScriptCommand {
     Confirm,
     /// Accept the offered plan of the request whose number is the value.
     Accept,
+    /// Change a live parameter.
+    Set,
 }
 
 impl ScriptCommand {
@@ -61,8 +65,9 @@ impl ScriptCommand {
         }
     }
 
-    fn verb(self) -> Verb {
-        match self {
+    /// The verb; `None` of a change, which is no command.
+    fn verb(self) -> Option<Verb> {
+        Some(match self {
             Self::Arm => Verb::Arm,
             Self::Disarm => Verb::Disarm,
             Self::Capture => Verb::Capture,
@@ -72,7 +77,12 @@ impl ScriptCommand {
             Self::Fault => Verb::Fault,
             Self::Confirm => Verb::Confirm,
             Self::Accept => Verb::Accept,
-        }
+            Self::Set => return None,
+        })
+    }
+
+    fn word(self) -> &'static str {
+        self.verb().map_or("set", Verb::word)
     }
 }
 
@@ -87,6 +97,10 @@ pub struct ScriptedCommand {
     /// Values of it, SI units.
     #[param(default = "[]")]
     pub values: Vec<f64>,
+    /// Of `set`: operator and parameter, such as `law.proportional`.
+    pub parameter: Option<String>,
+    /// Of `set`: the value with its unit; a list in quotes.
+    pub value: Option<String>,
     /// Say it again after this time, until it is accepted: of `capture`, `confirm` and `arm`. Later commands of the script
     /// wait until then.
     #[param(unit = "ns", min = "20 ms", max = "1 h")]
@@ -118,7 +132,7 @@ struct Line {
     at: u64,
     issued: ScriptCommand,
     repeat: Option<u64>,
-    command: Command,
+    message: Message,
 }
 
 /// A command that was said and is not accepted yet.
@@ -174,6 +188,12 @@ impl Operator for Console {
                 frame: FrameRule::None,
                 about: "Why a command of the script was repeated; `found` is how often it was sent.",
             },
+            Output {
+                name: "set",
+                sample: Setting::KIND,
+                frame: FrameRule::None,
+                about: "Changes of live parameters (`stillpoint set`).",
+            },
         ],
         timer: Timer::Required,
     };
@@ -183,7 +203,7 @@ impl Operator for Console {
         for line in &params.script {
             command(line).map_err(|e| ParamConflict::inside(&["script"], e))?;
             if line.repeat.is_some() && line.say.answered_on().is_none() {
-                let word = line.say.verb().word();
+                let word = line.say.word();
                 return refuse(
                     format!("no operator answers `{word}`, so it cannot be repeated until it is accepted"),
                     "use `repeat` for capture, confirm and arm only",
@@ -231,13 +251,14 @@ impl Operator for Console {
                 accepted(waiting.line.issued, waiting.reference, actuation.as_ref(), report.as_ref())
         {
             if now >= waiting.repeats {
-                let (verb, times) = (waiting.line.issued.verb(), waiting.times);
-                let reason = format!("{} repeated: {why}", verb.word());
+                let (issued, times) = (waiting.line.issued, waiting.times);
+                let number = issued.verb().map_or(0, |verb| verb as u32);
+                let reason = format!("{} repeated: {why}", issued.word());
                 outputs.send::<Rejection>(
                     REFUSED,
-                    &RejectionElement::new(verb as u32, &reason, f64::from(times), 0.0),
+                    &RejectionElement::new(number, &reason, f64::from(times), 0.0),
                 )?;
-                send(&waiting.line.command, outputs)?;
+                send(&waiting.line.message, outputs)?;
                 waiting.times += 1;
                 waiting.repeats = now.saturating_add(waiting.line.repeat.unwrap_or(u64::MAX));
             }
@@ -247,21 +268,27 @@ impl Operator for Console {
             && self.script.front().is_some_and(|line| line.at <= now)
             && let Some(line) = self.script.pop_front()
         {
-            send(&line.command, outputs)?;
+            send(&line.message, outputs)?;
             if let Some(repeat) = line.repeat {
                 let reference = report.map_or(0, |report| report.reference);
                 self.waiting =
                     Some(Waiting { repeats: now.saturating_add(repeat), times: 1, reference, line });
             }
         }
-        while let Some(command) = self.inbox.take() {
-            send(&command, outputs)?;
+        while let Some(message) = self.inbox.take() {
+            send(&message, outputs)?;
         }
         Ok(())
     }
 }
 
 impl ConsoleParams {
+    /// The changes of parameters in the script: operator and parameter, and the value.
+    pub fn settings(&self) -> impl Iterator<Item = (&str, &str)> {
+        let sets = self.script.iter().filter(|line| line.say == ScriptCommand::Set);
+        sets.filter_map(|line| Some((line.parameter.as_deref()?, line.value.as_deref()?)))
+    }
+
     /// The inputs that the repeated commands of the script need.
     pub fn unanswered(&self) -> impl Iterator<Item = usize> {
         self.script.iter().filter(|line| line.repeat.is_some()).filter_map(|line| line.say.answered_on())
@@ -317,14 +344,42 @@ fn command(line: &ScriptedCommand) -> Result<Line, SetupError> {
             line.values.len()
         )));
     }
-    let mut command =
-        Command { verb: line.say.verb() as u32, given: line.values.len() as u32, ..Command::default() };
+    let is_set = line.say == ScriptCommand::Set;
+    if is_set != line.parameter.is_some() || is_set != line.value.is_some() {
+        return Err(SetupError(format!(
+            "the script's command at {} ms: `parameter` and `value` belong to `say: set`, which needs both",
+            line.at / 1_000_000
+        )));
+    }
+    let Some(verb) = line.say.verb() else {
+        return setting(line);
+    };
+    let mut command = Command { verb: verb as u32, given: line.values.len() as u32, ..Command::default() };
     command.values[..line.values.len()].copy_from_slice(&line.values);
     command.by[..6].copy_from_slice(b"script");
-    Ok(Line { at: line.at, issued: line.say, repeat: line.repeat, command })
+    Ok(Line { at: line.at, issued: line.say, repeat: line.repeat, message: Message::Command(command) })
 }
 
-fn send(command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+/// A change of a parameter by the script. Whether its operator would take it is known when it does.
+fn setting(line: &ScriptedCommand) -> Result<Line, SetupError> {
+    let (path, value) = (line.parameter.as_deref().unwrap_or(""), line.value.as_deref().unwrap_or(""));
+    let named = path.split_once('.').is_some_and(|(operator, rest)| !operator.is_empty() && !rest.is_empty());
+    let element = SettingElement::new(path, value, "script").filter(|_| named && line.values.is_empty());
+    let element = element.ok_or_else(|| {
+        SetupError(format!(
+            "invalid change by the script at {} ms: `{path}` (allowed: OPERATOR.PARAMETER of up to 96 bytes, a value of up to \
+             160 bytes, and no `values`)",
+            line.at / 1_000_000
+        ))
+    })?;
+    Ok(Line { at: line.at, issued: line.say, repeat: line.repeat, message: Message::Setting(element) })
+}
+
+fn send(message: &Message, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let command = match message {
+        Message::Command(command) => command,
+        Message::Setting(setting) => return outputs.send::<Setting>(SETTING, setting),
+    };
     let Some(port) = Verb::ALL.iter().position(|(_, verb)| *verb as u32 == command.verb) else {
         return Err(StepError(format!("there is no verb {}", command.verb)));
     };

@@ -10,8 +10,8 @@ use crate::operator::outputs::Outputs;
 use crate::operator::outside::{Arrivals, ClockOffset};
 use crate::operator::params::CheckedParams;
 use crate::operator::{
-    ErasedOperator, FrameRule, Input, Kind, Output, Params, Policy, Role, Setup, SetupError, Stage,
-    StepError, Timer,
+    AdoptError, ErasedOperator, FrameRule, Input, Kind, Output, Params, Policy, Role, Setup, SetupError,
+    Stage, StepError, Timer,
 };
 
 /// Name of the kind, whatever its type of sample.
@@ -90,6 +90,10 @@ impl FarEnd {
 }
 
 impl ErasedOperator for FarEnd {
+    fn adopt(&mut self, _: &CheckedParams) -> Result<(), AdoptError> {
+        Err(AdoptError(format!("{KIND_NAME} has no parameters")))
+    }
+
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(arrivals) = self.arrivals.clone() else {
             return match activation.fresh_pieces(SAMPLE) {
@@ -159,7 +163,11 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         fields: <() as Params>::FIELDS,
         read: |reader| {
             <() as Params>::read(reader)?;
-            Some(CheckedParams { value: Arc::new(()), resolved: reader.resolved() })
+            Some(CheckedParams {
+                value: Arc::new(()),
+                resolved: reader.resolved(),
+                given: reader.given().into(),
+            })
         },
         validate: |_| Ok(()),
         validate_period: |_, _| Ok(()),

@@ -35,7 +35,7 @@ impl Finished {
         let mut over = self.message.clone();
         loop {
             let next = graph.operators.iter().enumerate().find(|(number, node)| {
-                let mut producers = node.inputs.iter().filter_map(|i| i.edge).map(|e| e.operator).peekable();
+                let mut producers = node.fed().map(|(_, edge)| edge.operator).peekable();
                 !over[*number]
                     && node.stage.kind.role == Role::Operator
                     && producers.peek().is_some()

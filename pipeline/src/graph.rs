@@ -291,6 +291,16 @@ pub enum Record {
     Topics(Vec<String>),
 }
 
+impl OperatorNode {
+    /// The inputs that are connected, with their edges; without that of changes of parameters, which the steps do not see.
+    pub fn fed(&self) -> impl Iterator<Item = (usize, Edge)> {
+        let set = self.stage.set_input();
+        self.inputs.iter().enumerate().filter_map(move |(port, input)| {
+            input.edge.filter(|_| set != Some(port)).map(|edge| (port, edge))
+        })
+    }
+}
+
 impl Graph {
     /// The graph of a live run: the edges into the far ends of links are cut, and their producers send over wires
     /// instead. An edge between hosts stays an edge where both of its ends are in this graph.
@@ -348,11 +358,18 @@ impl Graph {
         })
     }
 
+    /// Whether this output answers changes of parameters.
+    pub fn is_settings(&self, operator: usize, output: usize) -> bool {
+        self.operators[operator].stage.settings_output() == Some(output)
+    }
+
     /// Whether a recording keeps this output.
     pub fn is_recorded(&self, operator: usize, output: usize) -> bool {
         let node = &self.operators[operator];
         let source = node.stage.kind.role == crate::operator::Role::Source;
+        // What was changed while the run went on is a part of every session.
         source
+            || node.stage.settings_output() == Some(output)
             || match &self.record {
                 Record::Sources => false,
                 Record::All => true,
@@ -364,6 +381,11 @@ impl Graph {
 /// Name of an operator's journal topic.
 pub fn journal_topic(operator: &str) -> String {
     format!("{operator}.journal")
+}
+
+/// Name of the topic on which an operator answers changes of its parameters.
+pub fn settings_topic(operator: &str) -> String {
+    format!("{operator}.{}", crate::operator::SETTINGS.name)
 }
 
 /// Name of the topic of an operator's laps.

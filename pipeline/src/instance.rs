@@ -3,8 +3,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use stillpoint_samples::{
-    Cause, Entry, HEADER_SIZE, Header, JournalBody, JournalRef, Outcome, Pieces, RefKind, SampleKind, fnv1a,
-    fnv1a_start,
+    Cause, Entry, HEADER_SIZE, Header, JournalBody, JournalRef, Outcome, Pieces, RefKind, SampleKind,
+    Setting, SettingAnswer, fnv1a, fnv1a_start,
 };
 use zerocopy::IntoBytes;
 
@@ -16,10 +16,13 @@ use crate::operator::{Files, Setup};
 use crate::outputs::Outputs;
 use crate::outside::Outside;
 use crate::record::Record;
+use crate::settings::Settings;
 
 /// One incarnation of an operator.
 pub struct OperatorInstance {
     step: Box<dyn ErasedOperator>,
+    /// Its parameters, where some of them are live.
+    settings: Option<Settings>,
     kinds: Vec<(&'static SampleKind, usize)>,
     laps: &'static [&'static str],
     key: RandomKey,
@@ -62,6 +65,7 @@ impl OperatorInstance {
         let node = &graph.operators[operator];
         Ok(Self {
             step: build_step(graph, node, files, outside)?,
+            settings: Settings::of(node),
             kinds: node
                 .stage
                 .kind
@@ -78,7 +82,8 @@ impl OperatorInstance {
             },
             index: 0,
             entries: 0,
-            inputs: vec![Seen::default(); node.inputs.len()],
+            // A step does not see changes of parameters.
+            inputs: vec![Seen::default(); node.inputs.len() - usize::from(node.stage.is_live())],
             limits: node.inputs.iter().map(|i| i.max_age).collect(),
             input_names: node.stage.kind.inputs.iter().map(|i| i.name).collect(),
             sent: vec![Sent::default(); node.outputs.len()],
@@ -121,6 +126,9 @@ impl OperatorInstance {
         lender: &mut dyn Lender,
     ) -> Entry {
         self.drafts.clear();
+        if record.cause == Cause::Set {
+            return self.set(record, sample(record.port), lender);
+        }
         // Most operators have few inputs: what need not be cleared need not be in the caches either.
         let mut few;
         let mut many;
@@ -217,6 +225,54 @@ impl OperatorInstance {
         self.entry(record, origin, outcome, refs)
     }
 
+    /// Takes a change of a parameter, if it is for this operator, and answers it.
+    fn set(&mut self, record: &Record, sample: Option<Pieces<'_>>, lender: &mut dyn Lender) -> Entry {
+        let change = sample.and_then(|pieces| {
+            let view = pieces.view::<Setting>().ok()?;
+            Some((view.header, *view.first()?))
+        });
+        let (step, from) = (&mut self.step, self.index);
+        let answered = match (&mut self.settings, change) {
+            (Some(settings), Some((header, change))) => {
+                contained(|| settings.take(&header, &change, from, &mut **step))
+            }
+            _ => Ok(None),
+        };
+        let mut refs = record.inputs.clone();
+        let outcome = match answered {
+            Ok(None) => Outcome::Done,
+            Ok(Some((port, answer))) => {
+                match answer.refusal() {
+                    None => tracing::info!(
+                        "{} is {} in generation {}",
+                        answer.path(),
+                        answer.value(),
+                        answer.generation
+                    ),
+                    Some(why) => tracing::warn!("{} was not set to {}: {why}", answer.path(), answer.value()),
+                }
+                let mut buffers = DraftBuffers::new(&self.kinds, lender, &mut self.drafts);
+                let sent = Outputs::new(&self.kinds, 0, &mut buffers).send::<SettingAnswer>(port, &answer);
+                drop(buffers);
+                match sent {
+                    Ok(()) => {
+                        self.head_drafts(record.time, record.time, &mut refs);
+                        Outcome::Done
+                    }
+                    Err(error) => {
+                        self.fault = Some(error.0);
+                        Outcome::Error
+                    }
+                }
+            }
+            Err(panic) => {
+                self.fault = Some(panic_text(&*panic));
+                Outcome::Panic
+            }
+        };
+        self.entry(record, record.time, outcome, refs)
+    }
+
     /// The outputs of the last activation, in the order in which the operator sent them.
     pub fn take_drafts(&mut self) -> std::vec::Drain<'_, Draft> {
         self.drafts.drain(..)
@@ -265,9 +321,10 @@ impl OperatorInstance {
                 count,
             },
             body: JournalBody {
-                index: self
-                    .index
-                    .saturating_sub(u64::from(!matches!(record.cause, Cause::Start | Cause::End))),
+                index: self.index.saturating_sub(u64::from(!matches!(
+                    record.cause,
+                    Cause::Start | Cause::End | Cause::Set
+                ))),
                 nominal: record.nominal,
                 tick: record.tick,
                 sent_before: 0,

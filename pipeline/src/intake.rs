@@ -43,6 +43,8 @@ pub struct Intake<T> {
 
 struct Port<T> {
     connected: bool,
+    /// It brings changes of parameters, which the operator takes between two steps.
+    sets: bool,
     policy: Policy,
     leader: Option<usize>,
     delay: u64,
@@ -99,8 +101,10 @@ impl<T: Arrival> Intake<T> {
         let ports: Vec<_> = node
             .inputs
             .iter()
-            .map(|input| Port {
+            .enumerate()
+            .map(|(number, input)| Port {
                 connected: input.edge.is_some(),
+                sets: node.stage.set_input() == Some(number),
                 policy: input.policy,
                 leader: input.sync_leader,
                 delay: input.edge.map_or(0, |e| e.delay),
@@ -110,7 +114,7 @@ impl<T: Arrival> Intake<T> {
                 count: Count::default(),
             })
             .collect();
-        let only_latest = ports.iter().filter(|p| p.connected).all(|p| p.policy == Policy::Latest);
+        let only_latest = ports.iter().filter(|p| p.connected && !p.sets).all(|p| p.policy == Policy::Latest);
         Self { ports, latest_causes: only_latest && node.every.is_none() }
     }
 
@@ -153,7 +157,7 @@ impl<T: Arrival> Intake<T> {
                     {
                         offer(Trigger {
                             since: sample.header().stamp.saturating_add(port.delay),
-                            cause: Cause::Input,
+                            cause: if port.sets { Cause::Set } else { Cause::Input },
                             port: index,
                         });
                     }
@@ -215,6 +219,8 @@ impl<T: Arrival> Intake<T> {
         let mut refs = Vec::with_capacity(self.ports.len());
         for (index, p) in self.ports.iter_mut().enumerate() {
             let consumed = match p.policy {
+                // A change is not seen by a step, and consumes nothing that a step would see.
+                _ if p.sets || cause == Cause::Set => cause == Cause::Set && index == port,
                 Policy::Latest => {
                     if let Some((sample, seen)) = &mut p.held {
                         let header = sample.header();

@@ -9,7 +9,8 @@
 //! - `console`, `link`, `far_end`, `pool_client`, `null_sink`: the kinds of operators that come with every pipeline
 //!
 //! An activation:
-//! - `instance`: one incarnation of an operator; `drafts`: its outputs before the commit; `intake`: its inputs
+//! - `instance`: one incarnation of an operator; `drafts`: its outputs before the commit; `intake`: its inputs;
+//!   `settings`: its live parameters
 //! - `record`: a schedule's decision; `schedule`: discrete events; `placement`: this thread, or a thread per operator
 //! - `sample_store`: samples that are held in this process; `restarts`, `finished`: restart policy, end of a run
 //!
@@ -56,6 +57,7 @@ pub mod schedule;
 pub mod session;
 pub mod session_files;
 pub mod session_recorder;
+mod settings;
 pub mod simulated;
 pub mod stdout;
 pub mod what_if;

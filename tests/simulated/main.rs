@@ -35,6 +35,7 @@ mod read_session;
 mod real_data;
 mod script;
 mod seams;
+mod settings;
 mod starting;
 
 use std::path::PathBuf;

@@ -22,6 +22,7 @@
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
 //! - `looking`: what runs, its topics and their rates, and its end from outside
+//! - `settings`: parameters that people change while it runs
 //! - `unheard`: runs whose words nobody hears
 //! - `refusals`: what `run` refuses
 //! - `hung`: a recorder that hangs
@@ -53,6 +54,7 @@ mod releases;
 mod replaying;
 mod safety_case;
 mod seeing;
+mod settings;
 mod stopping;
 mod tampered;
 mod traps;

@@ -22,6 +22,9 @@ pub enum Cause {
     Sync = 3,
     /// The incarnation ended in order. Not an activation.
     End = 4,
+    /// A change of a parameter on the input whose number is `port`. The operator takes it between two steps: no other input
+    /// is consumed, and `index` is that of the next activation.
+    Set = 5,
 }
 
 /// How an activation ended.

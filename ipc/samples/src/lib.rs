@@ -47,6 +47,7 @@ mod pose;
 mod pose_report;
 mod rejection;
 mod rig_state;
+mod setting;
 mod target;
 mod track;
 
@@ -79,6 +80,7 @@ pub use pose::{Pose, PoseElement};
 pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
 pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
+pub use setting::{Setting, SettingAnswer, SettingAnswerElement, SettingElement, filled};
 pub use stillpoint_derive::{Codes, Layout};
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
@@ -140,6 +142,8 @@ pub fn all() -> &'static [&'static SampleKind] {
         PoseReport::KIND,
         Rejection::KIND,
         RigState::KIND,
+        Setting::KIND,
+        SettingAnswer::KIND,
         Target::KIND,
         Track::KIND,
     ]

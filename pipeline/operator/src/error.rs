@@ -1,4 +1,4 @@
-//! Why an operator cannot be made, and why a step failed.
+//! Why an operator cannot be made, why a step failed, and why changed parameters are refused.
 
 /// Why an operator cannot be set up, in a sentence that names what to change.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -28,3 +28,8 @@ impl ParamConflict {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct StepError(pub String);
+
+/// Why an operator does not take changed parameters, in a sentence that says what is allowed. It goes on as before.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct AdoptError(pub String);

@@ -100,7 +100,7 @@ pub struct Kind {
 /// Port of the topic of laps.
 pub const TIMING: &str = "timing";
 /// Names of topics that an operator has without saying so.
-const IMPLICIT: [&str; 3] = [TIMING, "journal", "inbox"];
+const IMPLICIT: [&str; 4] = [TIMING, "journal", "inbox", "settings"];
 /// The longest name of a lap: as a metric it ends in `_s`.
 const LONGEST_LAP: usize = 30;
 
@@ -113,7 +113,7 @@ pub(crate) const fn check_names(kind: &Kind, laps: &[&str]) {
         while name < IMPLICIT.len() {
             assert!(
                 !is_same(kind.outputs[output].name, IMPLICIT[name]),
-                "timing, journal and inbox are topics that every operator may have: give the output another name"
+                "timing, journal, inbox and settings are topics that every operator may have: give the output another name"
             );
             name += 1;
         }

@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 
 use crate::activation::Activation;
-use crate::error::{ParamConflict, SetupError, StepError};
+use crate::error::{AdoptError, ParamConflict, SetupError, StepError};
 use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::Kind;
 use crate::outputs::Outputs;
-use crate::params::Params;
+use crate::params::{CheckedParams, Params};
 use crate::ros2::Subscription;
 use crate::setup::Setup;
+use crate::stage::typed;
 
 /// A deterministic step machine.
 ///
@@ -82,17 +83,35 @@ pub trait Operator: Sized + Send + 'static {
         Vec::new()
     }
 
+    /// Takes parameters of which only live ones differ from those that it has: `validate` has taken them. It happens between
+    /// two steps and must leave the state as it is where it refuses.
+    ///
+    /// # Errors
+    /// Why they cannot hold now, such as wider tolerances while the beam is on.
+    fn adopt(&mut self, _params: Self::Params) -> Result<(), AdoptError> {
+        Err(AdoptError(format!("{} takes no changes while it runs", Self::KIND.name)))
+    }
+
     /// Does one activation.
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError>;
 }
 
 /// An operator behind its trait.
 pub trait ErasedOperator: Send {
+    /// Takes changed parameters.
+    fn adopt(&mut self, params: &CheckedParams) -> Result<(), AdoptError>;
+
     /// Does one activation.
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError>;
 }
 
 impl<T: Operator> ErasedOperator for T {
+    fn adopt(&mut self, params: &CheckedParams) -> Result<(), AdoptError> {
+        let params = typed::<T>(&params.value)
+            .ok_or_else(|| AdoptError(format!("the parameters are not those of {}", T::KIND.name)))?;
+        Operator::adopt(self, params)
+    }
+
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         Operator::step(self, activation, outputs)
     }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use stillpoint_samples::Command;
+use stillpoint_samples::{Command, SettingElement};
 
 /// Datagrams that may wait for their operator; a burst beyond them costs the oldest.
 pub const MOST_DATAGRAMS: usize = 256;
@@ -26,18 +26,27 @@ pub struct Outside {
     pub arrivals: Option<Arrivals>,
 }
 
-/// Commands that arrived from people and were not sent on yet. Executors fill it; only a console takes from it.
+/// What a person sends to a console.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Message {
+    /// A command.
+    Command(Command),
+    /// A change of a live parameter.
+    Setting(SettingElement),
+}
+
+/// Messages that arrived from people and were not sent on yet. Executors fill it; only a console takes from it.
 #[derive(Clone, Default)]
-pub struct Inbox(Arc<Mutex<VecDeque<Command>>>);
+pub struct Inbox(Arc<Mutex<VecDeque<Message>>>);
 
 impl Inbox {
-    /// Adds a command.
-    pub fn put(&self, command: Command) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(command);
+    /// Adds a message.
+    pub fn put(&self, message: Message) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(message);
     }
 
-    /// The oldest command.
-    pub fn take(&self) -> Option<Command> {
+    /// The oldest message.
+    pub fn take(&self) -> Option<Message> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
     }
 }

@@ -39,8 +39,10 @@
 //!
 //! - `value`: the types that a parameter can have
 //! - `reader`: reading them, with every fault
+//! - `live`: those that change while an operator runs
 //! - `verify`: whether a kind declares them rightly
 
+mod live;
 mod reader;
 mod value;
 mod verify;
@@ -48,8 +50,10 @@ mod verify;
 use std::any::Any;
 use std::sync::Arc;
 
+use crate::config::tree::Entry;
 #[doc(hidden)]
 pub use crate::config::tree::Node;
+pub use live::{Origin, SetError, changed, find, has_live, live_paths, origin};
 pub use reader::ParamReader;
 #[doc(hidden)]
 pub use serde_json as json;
@@ -102,6 +106,8 @@ pub struct ParamField {
     pub choices: &'static [&'static str],
     /// What its text names.
     pub names: Names,
+    /// Whether it, or each part of it, changes while the operator runs.
+    pub is_live: bool,
 }
 
 impl ParamField {
@@ -119,6 +125,7 @@ impl ParamField {
             max: None,
             choices: &[],
             names: Names::Nothing,
+            is_live: false,
         }
     }
 
@@ -160,6 +167,8 @@ pub struct CheckedParams {
     pub value: Arc<dyn Any + Send + Sync>,
     /// The same as text: defaults filled in, SI units.
     pub resolved: serde_json::Value,
+    /// As the config gives them.
+    pub given: Arc<[Entry]>,
 }
 
 impl Params for () {

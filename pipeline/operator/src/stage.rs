@@ -2,14 +2,17 @@
 
 use std::any::Any;
 use std::collections::BTreeMap;
+use std::marker::PhantomData;
 use std::sync::Arc;
+
+use stillpoint_samples::{Sample, Setting, SettingAnswer};
 
 use crate::error::{ParamConflict, SetupError};
 use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
-use crate::kind::{Kind, check_names};
+use crate::kind::{FrameRule, Input, Kind, Output, Policy, check_names};
 use crate::operator::{ErasedOperator, Operator};
-use crate::params::{CheckedParams, ParamField, ParamReader, Params};
+use crate::params::{CheckedParams, ParamField, ParamReader, Params, has_live};
 use crate::ros2::Subscription;
 use crate::setup::Setup;
 
@@ -50,17 +53,83 @@ pub struct Stage {
     pub build: Build,
 }
 
+/// Input of changes of live parameters. An executor connects it to the console where the config does not.
+pub const SET: Input = Input {
+    name: "set",
+    sample: Setting::KIND,
+    policy: Policy::Queue(16),
+    required: false,
+    about: "Changes of live parameters (`stillpoint set`). It is connected to the console of the pipeline by itself.",
+};
+
+/// Output of the answers to these changes.
+pub const SETTINGS: Output = Output {
+    name: "settings",
+    sample: SettingAnswer::KIND,
+    frame: FrameRule::None,
+    about: "Whether a change of a live parameter was taken, and from which generation and activation on it holds.",
+};
+
+/// The most ports on one side of a kind with live parameters.
+const MOST_PORTS: usize = 24;
+
+/// The kind of an operator with the ports for changes behind its own, where it has live parameters.
+struct WithSettings<T>(PhantomData<T>);
+
+impl<T: Operator> WithSettings<T> {
+    const INPUTS: [Input; MOST_PORTS] = {
+        let (mut all, own, mut at) = ([SET; MOST_PORTS], T::KIND.inputs, 0);
+        while at < own.len() && at < MOST_PORTS {
+            all[at] = own[at];
+            at += 1;
+        }
+        all
+    };
+    const OUTPUTS: [Output; MOST_PORTS] = {
+        let (mut all, own, mut at) = ([SETTINGS; MOST_PORTS], T::KIND.outputs, 0);
+        while at < own.len() && at < MOST_PORTS {
+            all[at] = own[at];
+            at += 1;
+        }
+        all
+    };
+    const KIND: Kind = match has_live(<T::Params as Params>::FIELDS) {
+        true => Kind {
+            inputs: Self::INPUTS.split_at(T::KIND.inputs.len() + 1).0,
+            outputs: Self::OUTPUTS.split_at(T::KIND.outputs.len() + 1).0,
+            ..T::KIND
+        },
+        false => T::KIND,
+    };
+}
+
 impl Stage {
+    /// Whether it has live parameters: its last input takes changes, and its last output answers.
+    pub fn is_live(&self) -> bool {
+        has_live(self.fields)
+    }
+
+    /// The input of changes, where it has live parameters.
+    pub fn set_input(&self) -> Option<usize> {
+        self.is_live().then(|| self.kind.inputs.len() - 1)
+    }
+
+    /// The output of answers, where it has live parameters.
+    pub fn settings_output(&self) -> Option<usize> {
+        self.is_live().then(|| self.kind.outputs.len() - 1)
+    }
+
     /// The entry of `T`.
     pub const fn of<T: Operator>() -> Self {
         const { check_names(&T::KIND, T::LAPS) };
         Self {
-            kind: T::KIND,
+            kind: WithSettings::<T>::KIND,
             laps: T::LAPS,
             fields: <T::Params as Params>::FIELDS,
             read: |reader| {
                 let params = <T::Params as Params>::read(reader)?;
-                Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved() })
+                let given = reader.given().into();
+                Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved(), given })
             },
             validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
             validate_period: |checked, every| {
@@ -97,7 +166,7 @@ impl Stage {
     }
 }
 
-fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T::Params> {
+pub(crate) fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T::Params> {
     value.downcast_ref::<T::Params>().cloned()
 }
 

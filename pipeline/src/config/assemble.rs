@@ -20,7 +20,7 @@ use crate::graph::{
 use crate::hosts::{BRIDGE, MAIN};
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
-use crate::{far_end, pool_client};
+use crate::{far_end, pool_client, settings};
 
 /// Names of processes that every run has.
 const RESERVED: [&str; 2] = ["recorder", "supervisor"];
@@ -266,7 +266,7 @@ pub fn graph(
     }
     let pools = find_pools(&mut operators);
     lay_out_far_ends(&mut operators);
-    Some(Graph {
+    let mut graph = Graph {
         name: document.name,
         seed: document.seed,
         frames: document.frames,
@@ -278,7 +278,9 @@ pub fn graph(
         pools,
         contracts: Vec::new(),
         part: None,
-    })
+    };
+    settings::connect(&mut graph);
+    Some(graph)
 }
 
 /// The planning pools that operators reach.

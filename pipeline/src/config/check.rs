@@ -10,8 +10,8 @@ use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
 use super::{
-    assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, sets, start, sync,
-    wiring, yaml,
+    assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, script_settings, sets,
+    start, sync, wiring, yaml,
 };
 use crate::graph::Graph;
 use crate::operator::Files;
@@ -122,6 +122,7 @@ fn pass(
     }
     let policies = sync::policies(&document, &wired, findings);
     links::check_taken(&document, &wired, findings);
+    script_settings::check(&document, &wired, &checked, findings);
     confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);
     let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
     let order = order::upstream_first(&document, &wired, links_stand, findings);

@@ -17,7 +17,7 @@
 //!
 //! Parsed to checked pipeline:
 //! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
-//!   each port; `hosts`: what crosses from one host to another; `ros2`: what goes to ROS 2 and comes from it; `confirm`: references that nobody looks at; `identity`: heads that nobody tells from other things; `contracts`: bounds of time; `order`: upstream before downstream, cycles; `assemble`: the graph; `start`: what the start of an operator refuses
+//!   each port; `hosts`: what crosses from one host to another; `ros2`: what goes to ROS 2 and comes from it; `confirm`: references that nobody looks at; `identity`: heads that nobody tells from other things; `script_settings`: parameters that a script changes; `contracts`: bounds of time; `order`: upstream before downstream, cycles; `assemble`: the graph; `start`: what the start of an operator refuses
 //!
 //! What is said about it:
 //! - `schema`, `reference`: JSON Schema for editors, the reference page
@@ -44,6 +44,7 @@ pub mod reference;
 mod ros2;
 mod ros2_section;
 pub mod schema;
+mod script_settings;
 mod sets;
 mod start;
 mod sync;

@@ -102,7 +102,10 @@ fn rows(page: &mut String, fields: &[ParamField], prefix: &str) {
             [] => field.range().unwrap_or_default(),
             choices => choices.iter().map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", "),
         };
-        let ty = type_of(field);
+        let ty = match field.is_live {
+            true => format!("{}, live", type_of(field)),
+            false => type_of(field),
+        };
         let _ = writeln!(page, "| `{name}` | {ty} | {default} | {range} | {} |", cell(field.about));
         if let ParamType::Group(nested) = field.ty {
             rows(page, nested, &format!("{name}."));

@@ -34,7 +34,11 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
     OperatorNode {
         name: "n".into(),
         stage: Stage::of::<Nothing>(),
-        params: CheckedParams { value: std::sync::Arc::new(()), resolved: serde_json::Value::Null },
+        params: CheckedParams {
+            value: std::sync::Arc::new(()),
+            resolved: serde_json::Value::Null,
+            given: [].into(),
+        },
         far_end: None,
         subscriptions: Vec::new(),
         files: Vec::new(),

@@ -1,7 +1,7 @@
 //! The topics of a graph, and how much memory they take.
 
 use stillpoint_samples::{
-    Actuation, ConsoleCommand, Datagram, Diagnostics, FarEnd, Journal, Sample, SampleKind,
+    Actuation, ConsoleCommand, Datagram, Diagnostics, FarEnd, Journal, Sample, SampleKind, Setting,
 };
 use stillpoint_shm::Contract;
 
@@ -63,7 +63,13 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let deepest =
         consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
     let is_retained = graph.is_recorded(operator, port) || WATCHED.contains(&kind);
-    let recorded = if is_retained { recorder_depth(kind, output.capacity) } else { 1 };
+    let is_settings = graph.is_settings(operator, port);
+    let recorded = match is_retained {
+        // Changes come from people, one at a time.
+        true if is_settings => SETTINGS_KEPT,
+        true => recorder_depth(kind, output.capacity),
+        false => 1,
+    };
     let deepest = deepest.max(bridged);
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
     // Without a history there is always a buffer that is no longer needed, and only what comes from outside comes in bursts.
@@ -78,9 +84,13 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
         // What an activation is about to send stands beside them.
         pool: deepest.max(recorded) + takers * (BORROWED - 1) + 2 + LOOKERS + burst,
+        history: if is_settings { SETTINGS_KEPT } else { 0 },
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
+
+/// Answers to changes of parameters that are kept for those who join a run later.
+pub const SETTINGS_KEPT: usize = 64;
 
 /// States of valves, of which the end of every run names each vent and fault: their samples wait for the supervisor, also
 /// where nothing is recorded.
@@ -125,15 +135,29 @@ pub fn inbox_topic(operator: &str) -> String {
     format!("{operator}.inbox")
 }
 
-/// The contract of a console's inbox.
+/// Name of the topic through which people change parameters, by way of a console.
+pub fn setting_inbox_topic(operator: &str) -> String {
+    format!("{operator}.setting_inbox")
+}
+
+/// The contract of a console's inbox for commands.
 pub fn inbox(graph: &Graph, operator: usize) -> Contract {
+    inbox_of(graph, &inbox_topic(&graph.operators[operator].name), ConsoleCommand::KIND)
+}
+
+/// The contract of a console's inbox for changes of parameters.
+pub fn setting_inbox(graph: &Graph, operator: usize) -> Contract {
+    inbox_of(graph, &setting_inbox_topic(&graph.operators[operator].name), Setting::KIND)
+}
+
+fn inbox_of(graph: &Graph, topic: &str, kind: &SampleKind) -> Contract {
     Contract {
         buffer: 16,
         subscribers: 2,
         publishers: 8,
         nodes: graph.processes.len() + 2 + TAPS,
         pool: 20,
-        ..Contract::new(&inbox_topic(&graph.operators[operator].name), ConsoleCommand::KIND, None, 1)
+        ..Contract::new(topic, kind, None, 1)
     }
 }
 
@@ -182,7 +206,7 @@ fn rate(graph: &Graph, operator: usize) -> Option<f64> {
         let node = &graph.operators[at];
         rate += node.every.map_or(0.0, |every| 1e9 / every.max(1) as f64);
         if node.every.is_none() || at != operator {
-            left.extend(node.inputs.iter().filter_map(|i| Some(i.edge?.operator)));
+            left.extend(node.fed().map(|(_, edge)| edge.operator));
         }
     }
     (rate > 0.0).then_some(rate)
@@ -207,6 +231,7 @@ fn listed(graph: &Graph) -> Vec<(Contract, Option<usize>)> {
         contracts.extend(timing(graph, operator).map(|contract| (contract, None)));
         if node.stage.kind.name == crate::console::KIND_NAME {
             contracts.push((inbox(graph, operator), None));
+            contracts.push((setting_inbox(graph, operator), None));
         }
         if graph.arrives().any(|arrives| arrives == operator) || node.far_end == Some(Wire::Ros2) {
             contracts.push((landing(graph, operator), None));
@@ -226,7 +251,8 @@ pub fn all(graph: &Graph) -> Vec<Contract> {
 pub fn all_recorded(graph: &Graph, room: u64) -> Vec<Contract> {
     let mut contracts = listed(graph);
     for (contract, operator) in &mut contracts {
-        contract.history = operator.map_or(0, |operator| retained(graph, operator, contract));
+        let least = contract.history;
+        contract.history = operator.map_or(0, |operator| retained(graph, operator, contract)).max(least);
     }
     let requested: u64 = contracts.iter().map(|(c, _)| (beyond(c) * c.sample_bytes()) as u64).sum();
     if requested > room {

@@ -1,6 +1,6 @@
 //! One operator in a worker: its instance, its ports, and the commit of its activations.
 
-use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
+use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome, Setting};
 use stillpoint_shm::{Domain, Listener, Loan, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
 
 use super::contracts;
@@ -15,7 +15,7 @@ use crate::graph::Graph;
 use crate::instance::OperatorInstance;
 use crate::intake::Intake;
 use crate::operator::Files;
-use crate::outside::{Inbox, Outside};
+use crate::outside::{Inbox, Message, Outside};
 use crate::record::Record;
 use crate::schedule::{Decision, Ticks, decide};
 
@@ -33,6 +33,8 @@ pub struct OperatorRunner {
     inbox: Option<InboxPort>,
     link_receiver: Option<LinkReceiver>,
     every: Option<u64>,
+    /// The output that answers changes of parameters, where some are live.
+    settings: Option<usize>,
     /// This incarnation has no more of its own: its timer stands still.
     finished: bool,
     /// Its timer; `None` before it begins, and where it has none.
@@ -67,10 +69,11 @@ struct Sending {
 
 /// Commands of people, for a console.
 struct InboxPort {
-    subscriber: Subscriber,
+    commands: Subscriber,
+    settings: Subscriber,
     inbox: Inbox,
-    /// Keeps the service alive while this process has a port on it.
-    _topic: Topic,
+    /// Keep the services alive while this process has a port on them.
+    _topics: [Topic; 2],
 }
 
 /// Lends buffers in shared memory.
@@ -159,9 +162,14 @@ impl OperatorRunner {
         let stopwatch = Stopwatch::open(graph, operator, domain)?;
         let mut people = None;
         if node.stage.kind.name == crate::console::KIND_NAME {
-            let topic = Topic::open(domain, &contracts::inbox(graph, operator))?;
-            let subscriber = topic.subscriber(16)?;
-            people = Some(InboxPort { subscriber, inbox: inbox.clone(), _topic: topic });
+            let commands = Topic::open(domain, &contracts::inbox(graph, operator))?;
+            let settings = Topic::open(domain, &contracts::setting_inbox(graph, operator))?;
+            people = Some(InboxPort {
+                commands: commands.subscriber(16)?,
+                settings: settings.subscriber(16)?,
+                inbox: inbox.clone(),
+                _topics: [commands, settings],
+            });
         }
         let link_receiver = LinkReceiver::open(graph, operator, domain, transport_of)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
@@ -177,6 +185,7 @@ impl OperatorRunner {
             inbox: people,
             link_receiver,
             every: node.every,
+            settings: node.stage.settings_output(),
             finished: false,
             ticks: None,
             last: 0,
@@ -254,6 +263,10 @@ impl OperatorRunner {
             return Err(fault.into());
         }
         let Some(decision) = decide(now, ready, ticks.as_ref()) else {
+            // Who has joined since gets the answers that are kept.
+            if let Some(outlet) = self.settings.and_then(|port| self.ports.outlets.get(port)) {
+                outlet.publisher.connect()?;
+            }
             let visible = self.intake.next_visible();
             let due = ticks.map(|ticks| ticks.due());
             return Ok(PollOutcome::Idle([due, visible].into_iter().flatten().min()));
@@ -270,13 +283,14 @@ impl OperatorRunner {
         }
         let mut memory =
             SharedMemory { outlets: &self.ports.outlets, stopwatch: &mut self.stopwatch, fault: None };
+        let is_step = cause != Cause::Set;
         let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut memory);
         if let Some(fault) = memory.fault {
             return Err(fault.into());
         }
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.finished |= outcome == Outcome::Finished;
-        self.commit(entry, clock)?;
+        self.commit(entry, clock, is_step)?;
         self.intake.end();
         Ok(PollOutcome::Activated(outcome))
     }
@@ -288,8 +302,8 @@ impl OperatorRunner {
         self.publish_entry(&entry)
     }
 
-    /// The commit rule: the entry, then the outputs, then the listeners. The laps follow, for subscribers that poll.
-    fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), WorkerError> {
+    /// The commit rule: the entry, then the outputs, then the listeners. The laps of a step follow, for subscribers that poll.
+    fn commit(&mut self, mut entry: Entry, clock: &SessionClock, is_step: bool) -> Result<(), WorkerError> {
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
         let mut unsent = Vec::new();
@@ -321,7 +335,7 @@ impl OperatorRunner {
             }
         }
         self.sent_before = clock.now();
-        if let Some(stopwatch) = &self.stopwatch {
+        if let Some(stopwatch) = self.stopwatch.as_ref().filter(|_| is_step) {
             stopwatch.send(&entry)?;
         }
         Ok(())
@@ -332,12 +346,19 @@ impl OperatorRunner {
     }
 
     fn read_inbox(&mut self) -> Result<(), ShmError> {
-        if let Some(InboxPort { subscriber, inbox, .. }) = &self.inbox {
-            while let Some(sample) = subscriber.receive()? {
+        if let Some(InboxPort { commands, settings, inbox, .. }) = &self.inbox {
+            while let Some(sample) = commands.receive()? {
                 if let Ok(view) = sample.pieces().view::<ConsoleCommand>()
                     && let Some(command) = view.first()
                 {
-                    inbox.put(*command);
+                    inbox.put(Message::Command(*command));
+                }
+            }
+            while let Some(sample) = settings.receive()? {
+                if let Ok(view) = sample.pieces().view::<Setting>()
+                    && let Some(setting) = view.first()
+                {
+                    inbox.put(Message::Setting(*setting));
                 }
             }
         }

@@ -123,7 +123,7 @@ impl Status {
         }
         self.first = self.first.min(entry.header.stamp);
         self.last = self.last.max(entry.header.stamp);
-        f.activations += 1;
+        f.activations += u64::from(entry.cause() != Some(Cause::Set));
         match entry.outcome() {
             Some(Outcome::Error) => f.errors += 1,
             Some(Outcome::Panic) => f.panics += 1,

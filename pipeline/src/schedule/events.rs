@@ -310,7 +310,8 @@ impl Events {
             ticks.next = tick + 1;
         }
         state.dirty = true;
-        let latency = self.latencies.of(node, time);
+        // A change of a parameter is no step, and takes no time.
+        let latency = if cause == Cause::Set { 0 } else { self.latencies.of(node, time) };
         if let Some(deadline) = node.deadline.filter(|deadline| latency > *deadline) {
             return self.die(operator, time.saturating_add(deadline), latency, observer);
         }

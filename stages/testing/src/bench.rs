@@ -11,7 +11,10 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::instance::OperatorInstance;
 use stillpoint_pipeline::record::Record;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_samples::{Cause, Header, JournalRef, Outcome, RefKind, Sample, SampleKind};
+use stillpoint_samples::{
+    Cause, Header, JournalRef, Outcome, RefKind, Sample, SampleKind, Setting, SettingAnswer,
+    SettingAnswerElement, SettingElement,
+};
 
 use crate::feed;
 use crate::run::START;
@@ -105,6 +108,21 @@ impl Bench {
         };
         self.sequence += 1;
         self.activate(Cause::Input, port, vec![reference], Some(&owned))
+    }
+
+    /// Changes a live parameter, `operator.parameter`, 10 ms after the last activation where [`at`](Self::at) does not say
+    /// else. Gives the answer of the operator; `None`: it is not meant, or has no live parameters.
+    pub fn set(&mut self, path: &str, value: &str) -> Option<SettingAnswerElement> {
+        self.advance();
+        let header =
+            Header { stamp: self.time, origin: self.time, sequence: self.sequence, incarnation: 0, count: 1 };
+        let change = SettingElement::new(path, value, "bench")?;
+        let bytes = Arc::new(bytes_of::<Setting>(&header, &(), &[change]));
+        self.sequence += 1;
+        let left =
+            self.activate(Cause::Set, 0, Vec::new(), Some(&OwnedSample { kind: Setting::KIND, bytes }));
+        let answer = left.outputs.iter().find(|(_, owned)| *owned.kind == *SettingAnswer::KIND);
+        answer.and_then(|(_, owned)| owned.pieces().view::<SettingAnswer>().ok()?.first().copied())
     }
 
     /// Sets the time of the next activation: this many ns after the first possible time.

@@ -60,6 +60,7 @@ mod rates;
 mod recorded;
 mod screen;
 mod series;
+mod settings;
 mod show;
 mod signals;
 mod simulate;

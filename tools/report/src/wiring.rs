@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use stillpoint_pipeline::graph::{Edge, Graph};
+use stillpoint_pipeline::graph::{Edge, Graph, settings_topic};
 use stillpoint_recorder::{Role, Session};
 use stillpoint_samples::{Cause, Entry};
 
@@ -23,12 +23,26 @@ pub struct Wiring {
     stages: Vec<Stage>,
 }
 
+impl Stage {
+    /// An operator with its topics. Changes of parameters are no samples that its steps see: their input counts as not
+    /// connected.
+    fn of(name: &str, mut inputs: Vec<String>, outputs: Vec<String>) -> Self {
+        let answers = settings_topic(name);
+        if outputs.last().is_some_and(|last| *last == answers)
+            && let Some(set) = inputs.last_mut()
+        {
+            set.clear();
+        }
+        Self { name: name.to_owned(), inputs, outputs }
+    }
+}
+
 impl Wiring {
     /// The wiring that a session states.
     pub fn of(session: &Session) -> Self {
         let stages = session.topics().iter().filter_map(|topic| match &topic.role {
             Role::Journal { inputs, outputs } => {
-                Some(Stage { name: topic.operator.clone(), inputs: inputs.clone(), outputs: outputs.clone() })
+                Some(Stage::of(&topic.operator, inputs.clone(), outputs.clone()))
             }
             _ => None,
         });
@@ -38,10 +52,9 @@ impl Wiring {
     /// The wiring of a pipeline.
     pub fn of_graph(graph: &Graph) -> Self {
         let topic = |edge: &Edge| graph.operators[edge.operator].outputs[edge.output].topic.clone();
-        let stages = graph.operators.iter().map(|node| Stage {
-            name: node.name.clone(),
-            inputs: node.inputs.iter().map(|i| i.edge.as_ref().map(topic).unwrap_or_default()).collect(),
-            outputs: node.outputs.iter().map(|o| o.topic.clone()).collect(),
+        let stages = graph.operators.iter().map(|node| {
+            let inputs = node.inputs.iter().map(|i| i.edge.as_ref().map(topic).unwrap_or_default());
+            Stage::of(&node.name, inputs.collect(), node.outputs.iter().map(|o| o.topic.clone()).collect())
         });
         Self { stages: stages.collect() }
     }
@@ -79,7 +92,7 @@ impl Wiring {
 
 /// Whether an entry is an activation.
 pub fn is_activation(entry: &Entry) -> bool {
-    !matches!(entry.cause(), None | Some(Cause::Start | Cause::End))
+    !matches!(entry.cause(), None | Some(Cause::Start | Cause::End | Cause::Set))
 }
 
 #[cfg(test)]

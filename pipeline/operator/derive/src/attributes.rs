@@ -16,6 +16,7 @@ pub struct Attributes {
     pub max: Option<String>,
     pub choices: Vec<LitStr>,
     pub names: Names,
+    pub is_live: bool,
 }
 
 /// What a text names.
@@ -55,6 +56,7 @@ impl Attributes {
             "min" => self.min = Some(text()?),
             "above" => self.above = Some(text()?),
             "max" => self.max = Some(text()?),
+            "live" => self.is_live = true,
             "file" => self.names = Names::File,
             "files" => self.names = Names::Files(meta.value()?.parse()?),
             "choices" => {
@@ -64,9 +66,9 @@ impl Attributes {
                     Punctuated::<LitStr, Token![,]>::parse_terminated(&content)?.into_iter().collect();
             }
             _ => {
-                return Err(
-                    meta.error("write unit, default, min, above, max, choices(..), file or files = \"*\"")
-                );
+                return Err(meta.error(
+                    "write unit, default, min, above, max, choices(..), live, file or files = \"*\"",
+                ));
             }
         }
         Ok(())

@@ -12,7 +12,8 @@ use syn::{DeriveInput, Error, parse_macro_input};
 /// Derives `stillpoint_operator::Params` for a struct with named fields.
 ///
 /// The doc comment of a field is its description. `#[param(...)]` takes `unit`, `default`, `min`, `above`, `max` (as a
-/// config would write them), `choices("a", "b")`, `file` and `files`.
+/// config would write them), `choices("a", "b")`, `file`, `files`, and `live` for one that changes while the operator
+/// runs.
 #[proc_macro_derive(Params, attributes(param))]
 pub fn derive_params(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);

@@ -101,6 +101,7 @@ fn row(key: &str, ty: &syn::Type, attributes: &Attributes) -> TokenStream {
         Names::File => quote!(File),
         Names::Files(pattern) => quote!(Files(#pattern)),
     };
+    let is_live = attributes.is_live;
     quote!(#path::ParamField {
         name: #key,
         about: #about,
@@ -113,5 +114,6 @@ fn row(key: &str, ty: &syn::Type, attributes: &Attributes) -> TokenStream {
         max: #max,
         choices: &[#(#choices),*],
         names: #path::Names::#names,
+        is_live: #is_live,
     })
 }

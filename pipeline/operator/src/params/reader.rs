@@ -49,6 +49,11 @@ impl<'a> ParamReader<'a> {
         self.resolved.clone()
     }
 
+    /// The parameters as the config gives them.
+    pub fn given(&self) -> &'a [Entry] {
+        self.entries
+    }
+
     /// Sorts the entries by the fields; an unknown one is a fault. To be called first.
     pub fn open(&mut self, fields: &'static [ParamField]) {
         let names: Vec<&'static str> = fields.iter().map(|f| f.name).collect();

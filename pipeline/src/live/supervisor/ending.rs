@@ -214,7 +214,7 @@ fn levels(graph: &Graph) -> Vec<Vec<usize>> {
     let count = graph.processes.len();
     let mut feeds = vec![BTreeSet::new(); count];
     for node in &graph.operators {
-        for edge in node.inputs.iter().filter_map(|i| i.edge) {
+        for (_, edge) in node.fed() {
             feeds[graph.operators[edge.operator].process].insert(node.process);
         }
     }

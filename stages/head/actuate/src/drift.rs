@@ -34,6 +34,11 @@ impl Drift {
         Self { limits, begun: None }
     }
 
+    /// Goes on with other limits.
+    pub fn set_limits(&mut self, limits: DriftLimits) {
+        self.limits = limits;
+    }
+
     /// Notes that the beam is on, with the pose of a reference of this number at a target. A channel counts from where it
     /// was first known.
     pub fn begin(&mut self, track: &TrackElement, target: &TargetElement, reference: u32) {

@@ -53,6 +53,11 @@ impl Lease {
         }
     }
 
+    /// Goes on with another dwell, ns.
+    pub fn set_dwell(&mut self, dwell: u64) {
+        self.rules.dwell = dwell;
+    }
+
     /// Takes the reasons against it at `now`, ns, as bits; 0 for none. Returns whether it is held until the next call,
     /// or its end.
     pub fn look(&mut self, now: u64, against: u32) -> bool {

@@ -50,6 +50,11 @@ impl Gains {
         Self { law, columns: vec![Column::zeros(); inputs] }
     }
 
+    /// Goes on with another learning rate and another leak.
+    pub fn set_rates(&mut self, learning: f64, leak: f64) {
+        (self.law.learning, self.law.leak) = (learning, leak);
+    }
+
     /// What they add to input `j`.
     #[must_use]
     pub fn demand(&self, j: usize, regressor: &Column) -> f64 {

@@ -51,6 +51,16 @@ pub enum LqiError {
     Riccati(#[from] RiccatiError),
 }
 
+/// The gain of the plant with its integrators.
+fn gain(plant: &Plant, weights: &Weights) -> Result<DMatrix<f64>, RiccatiError> {
+    let (n, p) = (plant.a.nrows(), plant.c.nrows());
+    let (a, b) = augmented(plant);
+    let mut q = DMatrix::zeros(n + p, n + p);
+    q.view_mut((0, 0), (n, n)).copy_from(&weights.state);
+    q.view_mut((n, n), (p, p)).copy_from(&weights.integral);
+    Ok(dlqr(&Regulator { a: &a, b: &b, q: &q, r: &weights.effort, n: None })?.k)
+}
+
 /// The law, its observer and its integrators.
 #[derive(Clone, Debug)]
 pub struct Lqi {
@@ -96,11 +106,7 @@ impl Lqi {
         if radius >= 1.0 {
             return Err(LqiError::Observer { radius });
         }
-        let (a, b) = augmented(&plant);
-        let mut q = DMatrix::zeros(n + p, n + p);
-        q.view_mut((0, 0), (n, n)).copy_from(&weights.state);
-        q.view_mut((n, n), (p, p)).copy_from(&weights.integral);
-        let gain = dlqr(&Regulator { a: &a, b: &b, q: &q, r: &weights.effort, n: None })?.k;
+        let gain = gain(&plant, weights)?;
         let zeros = DVector::zeros;
         let scratch = [zeros(n + p), zeros(p), zeros(n)];
         Ok(Self {
@@ -114,6 +120,15 @@ impl Lqi {
             limits: [-1.0, 1.0],
             scratch,
         })
+    }
+
+    /// Finds the gain for other weights, of the same shapes. Observer and integrators go on as they are.
+    ///
+    /// # Errors
+    /// There is no stable loop; the gain stays.
+    pub fn weigh(&mut self, weights: &Weights) -> Result<(), LqiError> {
+        self.gain = gain(&self.plant, weights)?;
+        Ok(())
     }
 
     /// L, m by n + p.

@@ -137,6 +137,14 @@ impl Mrac {
         })
     }
 
+    /// Goes on with another decay of errors, 1/s, other learning rates, 1/s^2, and another leak, 1/s. The learned gains stay.
+    pub fn set_rates(&mut self, feedback: f64, learning: [f64; 3], leak: f64) {
+        (self.design.feedback, self.design.learning, self.design.leak) = (feedback, learning, leak);
+        for (gains, learning) in [&mut self.k_y, &mut self.k_r, &mut self.theta].into_iter().zip(learning) {
+            gains.set_rates(learning, leak);
+        }
+    }
+
     /// Clears the window of the features. The learned gains stay.
     pub fn restart(&mut self) {
         self.features.restart();

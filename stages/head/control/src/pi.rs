@@ -47,6 +47,13 @@ impl Pi {
         &self.integral
     }
 
+    /// Goes on with other gains. What the integrals demand stays, so that no valve jumps by it.
+    pub fn set_gains(&mut self, gains: PiGains) {
+        let scale = if gains.integral > 0.0 { self.gains.integral / gains.integral } else { 0.0 };
+        self.integral.iter_mut().for_each(|integral| *integral *= scale);
+        self.gains = gains;
+    }
+
     pub fn restart(&mut self) {
         self.integral.fill(0.0);
     }
@@ -111,6 +118,18 @@ mod tests {
             y += 0.1 * (0.5 * net[0] - 0.05);
         }
         assert!((y - 1.0).abs() < 1e-6, "{y}");
+    }
+
+    #[test]
+    fn other_gains_leave_the_demand_of_the_integrals_as_it_is() {
+        let (mut law, mut net) = (law(0.5), [0.0]);
+        (0..10).for_each(|_| step(&mut law, 0.0, 0.01, &mut net));
+        let before = law.gains.integral * law.integral()[0];
+        law.set_gains(PiGains { proportional: 2.0, integral: 0.3 });
+        assert!(before > 0.0 && (law.gains.integral * law.integral()[0] - before).abs() < 1e-15);
+        law.set_gains(PiGains { proportional: 2.0, integral: 0.0 });
+        law.set_gains(PiGains { proportional: 2.0, integral: 0.15 });
+        assert_eq!(law.integral(), [0.0]);
     }
 
     #[test]

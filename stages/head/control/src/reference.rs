@@ -27,6 +27,11 @@ impl ReferenceModel {
         self.pole
     }
 
+    /// Goes on with another pole from where it is.
+    pub fn set_pole(&mut self, pole: f64) {
+        self.pole = pole;
+    }
+
     /// Puts the model where the plant is.
     pub fn start_at(&mut self, y: &[f64]) {
         self.at.copy_from_slice(y);

@@ -80,6 +80,11 @@ impl Tracking {
         self.periodic.as_ref()
     }
 
+    /// Goes on with another pole of the reference model, 1/s.
+    pub fn set_pole(&mut self, pole: f64) {
+        self.model.set_pole(pole);
+    }
+
     /// Puts the model where the head is, and forgets what was ordered.
     pub fn restart(&mut self, pose: &[f64]) {
         self.model.start_at(pose);

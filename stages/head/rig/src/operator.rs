@@ -1,7 +1,8 @@
 //! `rig.camera`: the virtual rig as an operator. A depth image of the head at each tick, and where the head truly is.
 
+use nalgebra::Isometry3;
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
-use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
+use stillpoint_operator::{AdoptError, FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
 use crate::camera_view::{
@@ -32,10 +33,10 @@ pub enum Motion {
 #[derive(Clone, Debug, Params)]
 pub struct CameraParams {
     /// The script of the head's motion.
-    #[param(default = "nods")]
+    #[param(default = "nods", live)]
     pub motion: Motion,
     /// Seed of the head's script. The camera's noise comes from the pipeline's seed.
-    #[param(default = 7)]
+    #[param(default = 7, live)]
     pub seed: u64,
     /// The camera whose noise is simulated.
     #[param(default = "structured_light")]
@@ -73,6 +74,8 @@ impl CameraParams {
 pub struct Camera {
     camera_view: CameraView,
     script: Trajectory,
+    /// Where the head lies without motion.
+    rest: Isometry3<f64>,
     /// Time of the first activation, ns: the script's zero.
     begin: Option<u64>,
 }
@@ -108,8 +111,15 @@ impl Operator for Camera {
         Ok(Self {
             camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, &living, setup)?,
             script: Trajectory::new(params.motion.into(), params.seed, rest),
+            rest,
             begin: None,
         })
+    }
+
+    /// Another script is at its place of the time at which it begins: the head may jump.
+    fn adopt(&mut self, params: CameraParams) -> Result<(), AdoptError> {
+        self.script = Trajectory::new(params.motion.into(), params.seed, self.rest);
+        Ok(())
     }
 
     fn capacities(params: &CameraParams) -> Vec<usize> {

@@ -1,8 +1,9 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
+use nalgebra::Isometry3;
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{
-    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
+    AdoptError, FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_samples::{
     CloudShape, ClusterTable, ClusterTableShape, Corner, Diagnostics, Hull, HullShape, Plane, Point,
@@ -114,16 +115,16 @@ pub struct SegmentParams {
     #[param(default = 30, min = 9, max = 200)]
     pub smoothing_neighbours: u32,
     /// Distance within which a voxel belongs to the supporting plane.
-    #[param(unit = "m", default = "10 mm", min = "0.1 mm", max = "100 mm")]
+    #[param(unit = "m", default = "10 mm", min = "0.1 mm", max = "100 mm", live)]
     pub plane_tolerance: f64,
     /// Largest number of plane hypotheses; eight times as many until a frame has had a plane.
     #[param(default = 500, min = 1, max = 100000)]
     pub iterations: u32,
     /// Smallest height of the face above the plane.
-    #[param(unit = "m", default = "15 mm", above = "0 mm", max = "1 m")]
+    #[param(unit = "m", default = "15 mm", above = "0 mm", max = "1 m", live)]
     pub height_min: f64,
     /// Largest height of the face above the plane.
-    #[param(unit = "m", default = "360 mm", above = "0 mm", max = "2 m")]
+    #[param(unit = "m", default = "360 mm", above = "0 mm", max = "2 m", live)]
     pub height_max: f64,
     /// Rule by which voxels above the plane are the face.
     #[param(default = "head")]
@@ -142,10 +143,10 @@ pub struct SegmentParams {
     #[param(default = 0.2, min = 0, max = 0.5)]
     pub margin: f64,
     /// Distance within which two voxels belong to one cluster.
-    #[param(unit = "m", default = "20 mm", min = "0.5 mm", max = "200 mm")]
+    #[param(unit = "m", default = "20 mm", min = "0.5 mm", max = "200 mm", live)]
     pub cluster_tolerance: f64,
     /// Smallest number of voxels of a face or a plane.
-    #[param(default = 100, min = 3, max = 1000000)]
+    #[param(default = 100, min = 3, max = 1000000, live)]
     pub min_voxels: u32,
     /// Largest number of points of a face. Of a larger face, points that are evenly spread over the order of the cloud
     /// are kept.
@@ -159,6 +160,10 @@ pub struct SegmentParams {
 pub struct SegmentFace {
     segmenter: FaceSegmenter,
     max_points: usize,
+    /// Where the cloud is seen from, where that is known.
+    couch_from_cloud: Option<Isometry3<f64>>,
+    /// What the log has of the frame before: the code of its rejection, 0 for a face.
+    logged: Option<u32>,
 }
 
 impl Operator for SegmentFace {
@@ -242,41 +247,17 @@ impl Operator for SegmentFace {
     }
 
     fn new(params: SegmentParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let chain = FaceParams {
-            leaf: params.leaf,
-            range_max: params.range_max,
-            outliers: match params.outliers {
-                Outliers::Keep => None,
-                Outliers::Remove => Some(OutlierParams {
-                    neighbours: params.outlier_neighbours as usize,
-                    deviations: params.outlier_deviations,
-                    cell: NEIGHBOUR_CELL * params.leaf,
-                }),
-            },
-            smoothing: match params.smoothing {
-                Smoothing::Off => None,
-                Smoothing::MovingLeastSquares => Some(MlsParams {
-                    neighbours: params.smoothing_neighbours as usize,
-                    deviations: 1.0,
-                    tolerance: params.plane_tolerance,
-                    cell: NEIGHBOUR_CELL * params.leaf,
-                }),
-            },
-            plane_tolerance: params.plane_tolerance,
-            iterations: params.iterations,
-            height_min: params.height_min,
-            height_max: params.height_max,
-            cluster_tolerance: params.cluster_tolerance,
-            min_points: params.min_voxels as usize,
-            rule: match params.rule {
-                Rule::Largest => face::Rule::Largest,
-                Rule::Head => face::Rule::Head,
-            },
-            head_radius: params.head_radius,
-            identity: identity(&params, setup),
-        };
+        let couch_from_cloud = placed(setup);
+        let chain = chain(&params, couch_from_cloud);
         let segmenter = FaceSegmenter::new(chain).map_err(|e| SetupError(e.to_string()))?;
-        Ok(Self { segmenter, max_points: params.max_points as usize })
+        Ok(Self { segmenter, max_points: params.max_points as usize, couch_from_cloud, logged: None })
+    }
+
+    /// A search with other thresholds knows nothing of earlier frames.
+    fn adopt(&mut self, params: SegmentParams) -> Result<(), AdoptError> {
+        let chain = chain(&params, self.couch_from_cloud);
+        self.segmenter = FaceSegmenter::new(chain).map_err(|e| AdoptError(e.to_string()))?;
+        Ok(())
     }
 
     fn capacities(params: &SegmentParams) -> Vec<usize> {
@@ -293,6 +274,7 @@ impl Operator for SegmentFace {
         let mut ended = |step: SegmentationStep| outputs.lap(step as usize);
         let seen =
             self.segmenter.segment_in_steps(Cloud { points, width }, &mut activation.random(), &mut ended);
+        log_change(&mut self.logged, seen.face.as_ref().err());
         let sent = match &seen.face {
             Ok(face) => send_face(face, cloud.elements, self.max_points, outputs)?,
             Err(rejection) => {
@@ -305,17 +287,73 @@ impl Operator for SegmentFace {
     }
 }
 
-/// The checks of identity, where the cloud's frame is placed on the couch and any is asked for.
-fn identity(params: &SegmentParams, setup: &Setup<'_>) -> Option<IdentityParams> {
+/// Logs why frames have no face, and that they have one again: where it changes.
+fn log_change(logged: &mut Option<u32>, rejection: Option<&face::Rejection>) {
+    let element = rejection.map(face::Rejection::element);
+    let code = element.as_ref().map_or(0, |element| element.code);
+    let before = logged.replace(code);
+    if before == Some(code) {
+        return;
+    }
+    match element {
+        Some(element) => tracing::warn!("no face: {}", element.reason()),
+        None if before.is_some() => tracing::info!("a face again"),
+        None => tracing::info!("a face"),
+    }
+}
+
+/// The chain of these parameters, for a cloud that is seen from there.
+fn chain(params: &SegmentParams, couch_from_cloud: Option<Isometry3<f64>>) -> FaceParams {
+    FaceParams {
+        leaf: params.leaf,
+        range_max: params.range_max,
+        outliers: match params.outliers {
+            Outliers::Keep => None,
+            Outliers::Remove => Some(OutlierParams {
+                neighbours: params.outlier_neighbours as usize,
+                deviations: params.outlier_deviations,
+                cell: NEIGHBOUR_CELL * params.leaf,
+            }),
+        },
+        smoothing: match params.smoothing {
+            Smoothing::Off => None,
+            Smoothing::MovingLeastSquares => Some(MlsParams {
+                neighbours: params.smoothing_neighbours as usize,
+                deviations: 1.0,
+                tolerance: params.plane_tolerance,
+                cell: NEIGHBOUR_CELL * params.leaf,
+            }),
+        },
+        plane_tolerance: params.plane_tolerance,
+        iterations: params.iterations,
+        height_min: params.height_min,
+        height_max: params.height_max,
+        cluster_tolerance: params.cluster_tolerance,
+        min_points: params.min_voxels as usize,
+        rule: match params.rule {
+            Rule::Largest => face::Rule::Largest,
+            Rule::Head => face::Rule::Head,
+        },
+        head_radius: params.head_radius,
+        identity: identity(params, couch_from_cloud),
+    }
+}
+
+/// Where the cloud is seen from, where its frame is placed on the couch.
+fn placed(setup: &Setup<'_>) -> Option<Isometry3<f64>> {
     let frame = setup.input_frames.get(CLOUD).and_then(Option::as_deref)?;
-    let couch_from_cloud = setup.transform(COUCH, frame)?;
+    setup.transform(COUCH, frame).map(|transform| stillpoint_pose::of_frame(&transform))
+}
+
+/// The checks of identity, where the cloud's frame is placed on the couch and any is asked for.
+fn identity(params: &SegmentParams, couch_from_cloud: Option<Isometry3<f64>>) -> Option<IdentityParams> {
+    let couch_from_cloud = couch_from_cloud?;
     let RegionParams { need, at, half, height } = params.region;
     let region = (need == Check::Required).then_some(Region { at, half, height });
     let needs_body = params.body == Check::Required;
     if region.is_none() && !needs_body {
         return None;
     }
-    let couch_from_cloud = stillpoint_pose::of_frame(&couch_from_cloud);
     Some(IdentityParams { couch_from_cloud, region, needs_body, margin: params.margin })
 }
 

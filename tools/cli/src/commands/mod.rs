@@ -28,6 +28,7 @@ mod rig;
 pub mod run;
 mod schema;
 pub mod send;
+mod set;
 mod stop;
 mod top;
 mod topics;
@@ -77,6 +78,8 @@ pub enum Command {
     Bladder(bladder::Bladder),
     /// Send a command to a running pipeline.
     Send(send::Send),
+    /// Change a live parameter of a running pipeline, or list them.
+    Set(set::Set),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
     /// Print the command that trains the network of a controller, or the prior of beams.
@@ -143,6 +146,7 @@ impl Command {
             Self::Reach(c) => c.execute(),
             Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),
+            Self::Set(c) => c.execute(registry),
             Self::Identify(c) => c.execute(),
             Self::Train(c) => c.execute(),
             Self::Echo(c) => c.execute(registry),

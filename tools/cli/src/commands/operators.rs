@@ -87,7 +87,7 @@ fn param(field: &ParamField) -> Value {
     json!({
         "name": field.name, "type": type_of(field), "unit": field.unit, "required": field.is_required(),
         "default": field.default, "min": field.min, "above": field.above, "max": field.max,
-        "choices": field.choices(), "about": field.about,
+        "choices": field.choices(), "live": field.is_live, "about": field.about,
         "params": nested.iter().map(param).collect::<Vec<_>>(),
     })
 }

@@ -8,8 +8,8 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::near::nearest;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_samples::{Command, ConsoleCommand, HEADER_SIZE, Header, RigFault, Sample, Verb};
-use stillpoint_shm::Topic;
+use stillpoint_samples::{Command, ConsoleCommand, HEADER_SIZE, Header, RigFault, Sample, SampleKind, Verb};
+use stillpoint_shm::{Contract, Topic};
 use zerocopy::IntoBytes;
 
 use crate::answer::{self, Answer};
@@ -94,52 +94,73 @@ pub fn deliver(
         return Err(Failure::wrong("a command has at most six values, all of them finite"));
     }
     command.values[..values.len()].copy_from_slice(values);
-    let who = std::env::var("USER").unwrap_or_default();
+    let who = sender();
     let n = who.len().min(command.by.len());
     command.by[..n].copy_from_slice(&who.as_bytes()[..n]);
-    let Attached { graph, domain, .. } = which.attach(registry)?;
+    let attached = which.attach(registry)?;
+    let graph = &attached.graph;
     let port = Verb::ALL.iter().position(|(_, v)| *v == verb).unwrap_or_default();
-    let operator = find(&graph, console, Verb::ALL[port].0)?;
+    let operator = find(graph, console, Verb::ALL[port].0)?;
     if verb == Verb::Fault {
-        has_part(&graph, operator, port, values)?;
+        has_part(graph, operator, port, values)?;
     }
+    let inbox = contracts::inbox(graph, operator);
+    let sent = pass(&attached, (operator, port), &inbox, ConsoleCommand::KIND, command.as_bytes())?;
     let word = format!("{console}.{}", Verb::ALL[port].0);
-    let contract = contracts::output(&graph, operator, port);
-    let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
+    let line = format!("sent {word} (sample {} of {word})", sent.sequence);
+    Ok(match graph.consumers(operator, port).next() {
+        Some(_) => line,
+        None => format!("{line}; no operator of this pipeline takes {word}"),
+    })
+}
+
+/// Puts a message into an inbox of a console, and waits until the console has sent it on: only what it sends is recorded.
+/// Gives the header of that sample. `output`: the console, and its output for such messages.
+pub fn pass(
+    attached: &Attached,
+    output: (usize, usize),
+    inbox: &Contract,
+    kind: &SampleKind,
+    bytes: &[u8],
+) -> Result<Header, Failure> {
+    let Attached { graph, domain, .. } = attached;
+    let console = &graph.operators[output.0].name;
+    let contract = contracts::output(graph, output.0, output.1);
+    let answer = Topic::open(domain, &contract).map_err(Failure::failed)?;
     let answer = answer.subscriber(contract.buffer).map_err(Failure::failed)?;
     answer.connect().map_err(Failure::failed)?;
-    let topic = Topic::open(&domain, &contracts::inbox(&graph, operator)).map_err(Failure::failed)?;
+    let topic = Topic::open(domain, inbox).map_err(Failure::failed)?;
     let publisher = topic.publisher().map_err(Failure::failed)?;
     publisher.connect().map_err(Failure::failed)?;
     let loan = publisher.loan(1).map_err(Failure::failed)?;
     let mut loan = loan.ok_or_else(|| Failure::failed("the console's inbox is full: try again"))?;
     let (meta, payload) = loan.parts_mut();
     meta[..HEADER_SIZE].copy_from_slice(Header { count: 1, ..Header::default() }.as_bytes());
-    payload.copy_from_slice(command.as_bytes());
+    payload.copy_from_slice(bytes);
     let reached = publisher.send(loan).map_err(Failure::failed)?;
     if reached == 0 {
         return Err(Failure::failed(format!("{console} does not receive commands: is its process running?")));
     }
-    // The sample lives in this process until the console has it, and only what the console sends is recorded.
+    // The sample lives in this process until the console has it.
     let begun = Instant::now();
     while begun.elapsed() < PATIENCE {
         while let Some(sample) = answer.receive().map_err(Failure::failed)? {
-            let pieces = sample.pieces();
-            if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
-                let number = sample.header().sequence;
-                let sent = format!("sent {word} (sample {number} of {})", contract.topic);
-                return Ok(match graph.consumers(operator, port).next() {
-                    Some(_) => sent,
-                    None => format!("{sent}; no operator of this pipeline takes {word}"),
-                });
+            if sample.pieces().check(kind).is_ok_and(|p| p.payload == bytes) {
+                return Ok(sample.header());
             }
         }
         std::thread::sleep(Duration::from_millis(2));
     }
     Err(Failure::failed(format!(
-        "{console} has not sent {word} within {} s, but may still do so: is its process running?",
+        "{console} has not sent {} within {} s, but may still do so: is its process running?",
+        contract.topic,
         PATIENCE.as_secs()
     )))
+}
+
+/// The name of the person who sends, as samples carry it.
+pub fn sender() -> String {
+    std::env::var("USER").unwrap_or_default()
 }
 
 /// Refuses the fault of a valve or bladder that a rig of this pipeline does not have.

@@ -20,6 +20,7 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::journals::LOOK;
 use crate::number::Angles;
 use crate::screen;
+use crate::settings::Values;
 use crate::subject::{Of, Subject};
 use crate::top::{Panel, Snapshot, View, Watch, draw, plain};
 
@@ -129,9 +130,12 @@ impl Source<'_> {
         };
         let Some(node) = graph.operators.iter().find(|o| o.name == name) else { return Vec::new() };
         let mut lines = vec![format!("{}: parameters", node.stage.kind.name)];
-        for (param, value) in node.params.resolved.as_object().into_iter().flatten() {
-            lines.push(format!("  {param}: {value}"));
-        }
+        let number = graph.operator(name).unwrap_or_default();
+        let rows = match self {
+            Self::Run(watch) => watch.settings.rows(number, node),
+            Self::Session { session, .. } => Values::of_session(session, graph).rows(number, node),
+        };
+        lines.extend(rows.iter().map(|row| format!("  {}", row.text())));
         for line in self.last_lines(name) {
             lines.push(format!("log: {} {}", line.level.word(), line.message));
         }

@@ -38,6 +38,7 @@ pub fn cells(o: &OperatorRow) -> [(&'static str, String); 12] {
 pub fn words(snapshot: &Snapshot) -> Vec<String> {
     let mut lines: Vec<String> = snapshot.held.iter().flat_map(stillpoint_report::hold::Held::now).collect();
     lines.extend(snapshot.found.iter().cloned());
+    lines.extend(snapshot.changed.iter().map(|row| format!("changed: {}", row.text())));
     if let Some(recorder) = &snapshot.recorder {
         let free = recorder.free_bytes.map_or(String::new(), |b| format!(", {:.1} GB free", b as f64 * 1e-9));
         lines.push(format!("session {}: {:.1} MB{free}", recorder.session, recorder.bytes as f64 * 1e-6));

@@ -15,6 +15,7 @@ use stillpoint_samples::{Cause, Entry, Outcome};
 
 use super::troubles;
 use crate::processes::ProcessState;
+use crate::settings::{Row, Values};
 
 /// The state at one time.
 #[derive(Clone, Debug, Serialize)]
@@ -39,6 +40,8 @@ pub struct Snapshot {
     pub contracts: Vec<ContractFigures>,
     /// The processes of a run; none of a session.
     pub processes: Vec<ProcessRow>,
+    /// Parameters that were changed while their operators run.
+    pub changed: Vec<Row>,
     /// The recording, where there is one.
     pub recorder: Option<RecorderRow>,
 }
@@ -119,6 +122,8 @@ pub struct Parts<'a> {
     pub verdict: Verdict,
     /// The processes of a run.
     pub processes: Option<Vec<ProcessRow>>,
+    /// Parameters that were changed while their operators run.
+    pub changed: Vec<Row>,
     /// The recording.
     pub recorder: Option<RecorderRow>,
 }
@@ -126,7 +131,8 @@ pub struct Parts<'a> {
 impl Snapshot {
     /// The snapshot of the parts.
     pub fn of(parts: Parts<'_>) -> Self {
-        let Parts { of, graph, journals, figures, seconds, held, verdict, processes, recorder } = parts;
+        let Parts { of, graph, journals, figures, seconds, held, verdict, processes, changed, recorder } =
+            parts;
         let operators: Vec<OperatorRow> = graph
             .operators
             .iter()
@@ -158,6 +164,7 @@ impl Snapshot {
             edges: edges(&journals),
             contracts: contracts::of(graph, &journals),
             processes: processes.unwrap_or_default(),
+            changed,
             recorder,
         };
         snapshot.troubles = troubles::of(&snapshot, graph, &journals);
@@ -178,6 +185,7 @@ impl Snapshot {
             held: Hold::of_session(&ran, session),
             verdict: Answers::of_session(&ran, session).verdict(&ran, &figures),
             processes: None,
+            changed: Values::of_session(session, &ran).changed(&ran),
             recorder: Some(RecorderRow { free_bytes: None, ..RecorderRow::of(path) }),
             figures,
             journals,

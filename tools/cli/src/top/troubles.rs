@@ -90,8 +90,7 @@ fn stopped(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> BTree
     let is_at_work = |operator: usize| snapshot.operators[operator].figures.activations > 0;
     for (number, node) in graph.operators.iter().enumerate() {
         let Some(journal) = journals.operators.iter().find(|o| o.stage.name == node.name) else { continue };
-        for (port, input) in node.inputs.iter().enumerate() {
-            let Some(edge) = input.edge else { continue };
+        for (port, edge) in node.fed() {
             let count = |kind: RefKind| {
                 let of = |r: &&stillpoint_samples::JournalRef| r.port as usize == port && r.count > 0;
                 journal.entries.iter().filter(|e| e.refs_of(kind).any(|r| of(&r))).count() as u64
@@ -102,8 +101,7 @@ fn stopped(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> BTree
             // Upstream to the first operator that is at work.
             let (mut from, mut seen) = (edge, BTreeSet::from([number]));
             while !is_at_work(from.operator) && seen.insert(from.operator) {
-                let upstream = graph.operators[from.operator].inputs.iter().filter_map(|i| i.edge);
-                let Some(next) = upstream.into_iter().next() else { break };
+                let Some((_, next)) = graph.operators[from.operator].fed().next() else { break };
                 from = next;
             }
             let cause = &graph.operators[from.operator];

@@ -15,6 +15,7 @@ use crate::held::{HeldTaps, Read};
 use crate::journals::JournalTaps;
 use crate::processes;
 use crate::rates::of_run;
+use crate::settings::Values;
 
 /// A run that is watched.
 pub struct Watch {
@@ -26,6 +27,8 @@ pub struct Watch {
     // Dropped in this order: ports before the run.
     journals: JournalTaps,
     held: HeldTaps,
+    /// Changes of parameters.
+    pub settings: Values,
     /// The run.
     pub attached: Attached,
 }
@@ -35,10 +38,11 @@ impl Watch {
     pub fn open(attached: Attached, window: Duration) -> Result<Self, Failure> {
         let journals = JournalTaps::open(&attached, |_| true)?;
         let held = HeldTaps::open(&attached, Read::All)?;
+        let settings = Values::open(&attached)?;
         let entries = vec![Vec::new(); attached.graph.operators.len()];
         let now = Instant::now();
         let before = (now, times(&processes::of_run(attached.pid)));
-        Ok(Self { window, entries, before, begun: now, journals, held, attached })
+        Ok(Self { window, entries, before, begun: now, journals, held, settings, attached })
     }
 
     /// Reads what came since the last look.
@@ -46,7 +50,7 @@ impl Watch {
         let entries = &mut self.entries;
         self.journals.look(&mut |operator, entry| entries[operator].push(entry))?;
         self.held.look();
-        Ok(())
+        self.settings.look()
     }
 
     /// The picture of the pipeline with what the window measured. `whole` has the edges of links, which are cut in a run.
@@ -75,6 +79,7 @@ impl Watch {
             figures,
             held: Some(held),
             processes: Some(rows(&self.attached, &mut self.before)),
+            changed: self.settings.changed(graph),
             recorder: self.attached.session.as_deref().map(RecorderRow::of),
         };
         Ok(Snapshot::of(parts))

@@ -125,8 +125,8 @@ impl Drawing {
         }
         // The edges of links are cut in a live run.
         for node in graph.into_iter().flat_map(|g| &g.operators) {
-            for (input, port) in node.inputs.iter().enumerate() {
-                let (Some(graph), Some(edge), Some(to)) = (graph, port.edge, number(&node.name)) else {
+            for (input, edge) in node.fed() {
+                let (Some(graph), Some(to)) = (graph, number(&node.name)) else {
                     continue;
                 };
                 let producer = &graph.operators[edge.operator];

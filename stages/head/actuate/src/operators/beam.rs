@@ -1,13 +1,16 @@
 //! `gate.beam`: the lease of the beam.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
-use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
+use stillpoint_operator::{
+    AdoptError, FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
 use stillpoint_samples::{
     Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
     PlanRequest, PlanUpdate, PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement,
     Track,
 };
 
+use super::limits::Limits;
 use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
 use crate::datagram::LONGEST;
@@ -39,29 +42,29 @@ pub struct BeamParams {
     #[param(unit = "ns", default = "100 ms", min = "4 ms", max = "200 ms")]
     pub lease: u64,
     /// Time without a reason against the beam before a lease begins.
-    #[param(unit = "ns", default = "500 ms", min = "0 ms", max = "1 min")]
+    #[param(unit = "ns", default = "500 ms", min = "0 ms", max = "1 min", live)]
     pub dwell: u64,
     /// Largest error of a coordinate that the target holds.
-    #[param(unit = "m", default = "1 mm", above = "0 mm", max = "100 mm")]
+    #[param(unit = "m", default = "1 mm", above = "0 mm", max = "100 mm", live)]
     pub position_tolerance: f64,
     /// Largest error of an angle that the target holds.
-    #[param(unit = "rad", default = "0.5 deg", above = "0 deg", max = "90 deg")]
+    #[param(unit = "rad", default = "0.5 deg", above = "0 deg", max = "90 deg", live)]
     pub angle_tolerance: f64,
     /// How far a coordinate that the target does not hold may be from where it was when the beam first began for this
     /// target and reference.
-    #[param(unit = "m", default = "2 mm", above = "0 mm", max = "10 m")]
+    #[param(unit = "m", default = "2 mm", above = "0 mm", max = "10 m", live)]
     pub drift_tolerance: f64,
     /// How far an angle that the target does not hold may be from where it was when the beam first began.
-    #[param(unit = "rad", default = "1.5 deg", above = "0 deg", max = "180 deg")]
+    #[param(unit = "rad", default = "1.5 deg", above = "0 deg", max = "180 deg", live)]
     pub drift_angle: f64,
     /// Fraction by which errors must lie below the tolerances for a lease to begin.
-    #[param(default = 0.2, min = 0, max = 0.9)]
+    #[param(default = 0.2, min = 0, max = 0.9, live)]
     pub hysteresis: f64,
     /// Largest standard deviation of a coordinate that the target holds.
-    #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "100 mm")]
+    #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "100 mm", live)]
     pub position_sd: f64,
     /// Largest standard deviation of an angle that the target holds.
-    #[param(unit = "rad", default = "0.3 deg", above = "0 deg", max = "90 deg")]
+    #[param(unit = "rad", default = "0.3 deg", above = "0 deg", max = "90 deg", live)]
     pub angle_sd: f64,
     /// Conditions under which the pose is fresh.
     pub pose: BeamFreshnessParams,
@@ -69,7 +72,7 @@ pub struct BeamParams {
     #[param(default = "required")]
     pub tracker: Need,
     /// Least confidence of the tracker that it follows what was captured.
-    #[param(default = 0.5, min = 0, max = 1)]
+    #[param(default = 0.5, min = 0, max = 1, live)]
     pub confidence: f64,
     /// Whether the parts of the reference must have been seen to move together since the capture.
     #[param(default = "required")]
@@ -104,6 +107,7 @@ pub struct BeamFreshnessParams {
 /// `plan` is connected, a standing plan that holds in the set-up that was requested last. The first word against it ends it
 /// at once, and it begins again after a dwell, within narrower tolerances.
 pub struct GateBeam {
+    limits: Limits,
     tolerances: Tolerances,
     stale: u64,
     target_timeout: u64,
@@ -127,6 +131,8 @@ pub struct GateBeam {
     lease: Lease,
     sender: Sender,
     metrics: [Metric; METRICS],
+    /// Whether the beam was on when the log last had it.
+    logged: Option<bool>,
 }
 
 const METRICS: usize = 9;
@@ -222,13 +228,8 @@ impl Operator for GateBeam {
             ));
         }
         Ok(Self {
-            tolerances: Tolerances {
-                position: params.position_tolerance,
-                angle: params.angle_tolerance,
-                begin: 1.0 - params.hysteresis,
-                position_sd: params.position_sd,
-                angle_sd: params.angle_sd,
-            },
+            limits: Limits::of(&params),
+            tolerances: Limits::of(&params).tolerances(),
             stale: too_old_for_beam(params.pose.frame_period),
             target_timeout: params.target_timeout,
             actuation_timeout: params.actuation_timeout,
@@ -257,7 +258,21 @@ impl Operator for GateBeam {
                 "shortest_s",
             ]
             .map(|name| Metric::new(name, f64::NAN)),
+            logged: None,
         })
+    }
+
+    fn adopt(&mut self, params: BeamParams) -> Result<(), AdoptError> {
+        let limits = Limits::of(&params);
+        if self.lease.is_held() {
+            limits.refuse_wider(&self.limits)?;
+        }
+        self.tolerances = limits.tolerances();
+        self.confidence = params.confidence;
+        self.drift.set_limits(DriftLimits { position: params.drift_tolerance, angle: params.drift_angle });
+        self.lease.set_dwell(params.dwell);
+        self.limits = limits;
+        Ok(())
     }
 
     fn capacities(_: &BeamParams) -> Vec<usize> {
@@ -275,6 +290,15 @@ impl Operator for GateBeam {
         }
         if !is_on && against == 0 {
             against = Reason::DWELLING;
+        }
+        if self.logged.replace(is_on) != Some(is_on) {
+            match is_on {
+                true => tracing::info!("the beam may be on"),
+                false => tracing::info!(
+                    "the beam is off: {}",
+                    Reason::words(against).collect::<Vec<_>>().join(", ")
+                ),
+            }
         }
         let order = if is_on { Order::Follow } else { Order::Hold };
         let bytes = self.sender.datagram(activation, order, against, &[])?;

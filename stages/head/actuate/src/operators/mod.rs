@@ -3,11 +3,12 @@
 //! - `valves`: `actuate.valves`, duties to datagrams
 //! - `watch`: what `actuate.valves` sees on its inputs
 //! - `params`: parameters that both share
-//! - `beam`: `gate.beam`, the lease of the beam
+//! - `beam`: `gate.beam`, the lease of the beam; `limits`: those of its limits that change while it runs
 //! - `far_end`: `actuate.far_end`, datagrams to duties
 
 mod beam;
 mod far_end;
+mod limits;
 mod params;
 mod valves;
 mod watch;

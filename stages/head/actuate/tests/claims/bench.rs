@@ -4,8 +4,8 @@ use stillpoint_actuate::pose_watch::PoseWatch;
 use stillpoint_actuate::{Order, decode};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason as Reason, ActuationState as State, ConsoleCommand,
-    Datagram, Duties, DutiesElement, DutyReason, PoseReport, RigState, RigStateElement, Track, TrackElement,
-    Verb,
+    Datagram, Duties, DutiesElement, DutyReason, Gate, GateElement, PoseReport, RigState, RigStateElement,
+    Target, Track, TrackElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -235,34 +235,75 @@ fn a_track_without_channels_or_numbers_is_no_pose() {
     assert_eq!(see(|t| t.repeated = 3), (false, true, false));
 }
 
-#[test]
-fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease() {
-    use stillpoint_samples::{Gate, GateElement, GateReason, Target};
-    let gate = |left: &Left| -> GateElement {
-        assert_eq!(left.fault, None);
-        let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
-        *owned.pieces().view::<Gate>().unwrap().first().unwrap()
-    };
-    let armed = ActuationElement {
+/// What the gate states.
+fn gate(left: &Left) -> GateElement {
+    assert_eq!(left.fault, None);
+    let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+    *owned.pieces().view::<Gate>().unwrap().first().unwrap()
+}
+
+/// The state of actuation that follows.
+fn following() -> ActuationElement {
+    ActuationElement {
         state: State::Armed as u32,
         order: Order::Follow as u32,
         ..ActuationElement::default()
-    };
-    // With the beam on, and its last word at `ms`.
-    let beaming = || {
-        let mut bench = bench(&text(&Said::default()), "gate").unwrap();
-        let mut ms = 10;
-        loop {
-            bench.at((ms - 1) * MS).feed::<PoseReport>(3, &(), &[report(1)], 0);
-            bench.at(ms * MS).feed::<Track>(0, &(), &[track(ms)], 0);
-            bench.at((ms + 1) * MS).feed::<Target>(1, &(), &[super::script::target()], 0);
-            if gate(&bench.at((ms + 2) * MS).feed::<Actuation>(2, &(), &[armed], 0)).beam == 1 {
-                return (bench, ms + 2);
-            }
-            ms += 10;
-            assert!(ms < 500, "the beam never comes on");
+    }
+}
+
+/// The gate after so many rounds of good samples, with the beam on from the first round in which it is, and the time of its
+/// last word, ms.
+fn beaming() -> (Bench, u64) {
+    let mut bench = bench(&text(&Said::default()), "gate").unwrap();
+    let mut ms = 10;
+    loop {
+        if feed_gate(&mut bench, ms) == 1 {
+            return (bench, ms + 2);
         }
-    };
+        ms += 10;
+        assert!(ms < 500, "the beam never comes on");
+    }
+}
+
+/// A round of good samples; whether the beam is on.
+fn feed_gate(bench: &mut Bench, ms: u64) -> u32 {
+    bench.at((ms - 1) * MS).feed::<PoseReport>(3, &(), &[report(1)], 0);
+    bench.at(ms * MS).feed::<Track>(0, &(), &[track(ms)], 0);
+    bench.at((ms + 1) * MS).feed::<Target>(1, &(), &[super::script::target()], 0);
+    gate(&bench.at((ms + 2) * MS).feed::<Actuation>(2, &(), &[following()], 0)).beam
+}
+
+#[test]
+fn limits_of_the_gate_are_only_narrowed_while_the_beam_is_on_and_each_answer_has_its_generation() {
+    let (mut on, ms) = beaming();
+    let wider = on.at((ms + 1) * MS).set("gate.position_tolerance", "5 mm").unwrap();
+    assert_eq!((wider.taken, wider.generation), (0, 0));
+    let why = wider.refusal().unwrap();
+    assert!(
+        why.starts_with("`position_tolerance` is wider while the beam is on: 5 mm (allowed: up to "),
+        "{why}"
+    );
+    let narrower = on.at((ms + 2) * MS).set("gate.position_tolerance", "0.0001 mm").unwrap();
+    assert_eq!((narrower.taken, narrower.generation), (1, 1));
+    // Another operator's change is not answered.
+    assert_eq!(on.at((ms + 3) * MS).set("law.position_tolerance", "5 mm"), None);
+    let mut off = bench(&text(&Said::default()), "gate").unwrap();
+    assert_eq!(off.set("gate.position_tolerance", "5 mm").unwrap().taken, 1);
+    for (path, value, words) in [
+        ("gate.position_tolerance", "5", "unit"),
+        ("gate.lease", "50 ms", "is not live"),
+        ("gate.confidence", "2", "from 0 to 1"),
+    ] {
+        let refused = off.set(path, value).unwrap();
+        assert!(refused.refusal().unwrap().contains(words), "{:?}", refused.refusal());
+        assert_eq!(refused.generation, 1);
+    }
+}
+
+#[test]
+fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease() {
+    use stillpoint_samples::GateReason;
+    let armed = following();
     let (mut silent, ms) = beaming();
     assert_eq!(gate(&silent.at((ms + 30) * MS).tick()).beam, 1);
     let off = gate(&silent.at((ms + 31) * MS).tick());

@@ -3,8 +3,8 @@
 use stillpoint_operator::{Activation, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
 use stillpoint_samples::{
-    Actuation, ActuationState, Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing,
-    Target, TargetStatus, Track, TrackElement,
+    Actuation, ActuationState, Codes, Diagnostics, Duties, DutiesElement, DutyReason, Metric, Names, Sample,
+    Standing, Target, TargetStatus, Track, TrackElement,
 };
 
 use crate::channels::{Channel, difference};
@@ -103,6 +103,8 @@ pub struct ControllerShell {
     target: [f64; 6],
     age: f64,
     metrics: Vec<Metric>,
+    /// What the log has: the reasons for which the law was idle, 0 where it acted.
+    logged: Option<u32>,
     /// Place of the first number about what was learned of patient and valves.
     learned: usize,
 }
@@ -149,6 +151,7 @@ impl ControllerShell {
         Ok(Self {
             tracking: if learns { tracking.with_periodic(plant.effect.decoupling()) } else { tracking },
             learned,
+            logged: None,
             resting: true,
             track: None,
             plant,
@@ -170,6 +173,11 @@ impl ControllerShell {
     pub fn metrics(plant: &PlantParams, own: usize) -> usize {
         let learned = if plant.motion == Motion::Learned { TONES + 1 + CHANNELS + MOST_BLADDERS } else { 0 };
         OWN + own + learned
+    }
+
+    /// Goes on with another rise of the reference model, s.
+    pub fn set_rise(&mut self, rise: f64) {
+        self.tracking.set_pole(pole_of_rise(rise));
     }
 
     pub fn plant(&self) -> &CheckedPlant {
@@ -358,7 +366,21 @@ impl ControllerShell {
         }
     }
 
+    /// Logs why the law is idle, and that it acts: where it changes.
+    fn log_change(&mut self, idle: u32) {
+        if self.logged.replace(idle) == Some(idle) {
+            return;
+        }
+        // The words are made only where somebody listens: a step allocates nothing.
+        let words = || Names::Bits(DutyReason::CODES).text(u64::from(idle)).unwrap_or_default();
+        match idle {
+            0 => tracing::info!("the law acts"),
+            _ => tracing::warn!("idle: {}", words()),
+        }
+    }
+
     fn send(&mut self, outputs: &mut Outputs<'_>, duties: &DutiesElement) -> Result<(), StepError> {
+        self.log_change(if duties.idle == 0 { 0 } else { duties.reasons });
         self.metrics[0].value = self.age;
         self.metrics[1].value = f64::from(duties.idle);
         if let Some(origin) = self.origin {

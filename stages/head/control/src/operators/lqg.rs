@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{AdoptError, Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_operator::{Feeder, FeederConflict};
-use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::Cause;
 
 use crate::identified::Identified;
@@ -25,13 +25,13 @@ pub struct LqgParams {
     #[param(file)]
     pub model: Option<String>,
     /// Cost of an error of one scale, per second.
-    #[param(default = 1, above = 0, max = 1000000)]
+    #[param(default = 1, above = 0, max = 1000000, live)]
     pub error_weight: f64,
     /// Cost of an integrated error of one scale times one second, per second.
-    #[param(default = 0.1, above = 0, max = 1000000)]
+    #[param(default = 0.1, above = 0, max = 1000000, live)]
     pub integral_weight: f64,
     /// Cost of a fully open valve, per second.
-    #[param(default = 10, above = 0, max = 1000000000)]
+    #[param(default = 10, above = 0, max = 1000000000, live)]
     pub effort_weight: f64,
     /// Without `model`: variance of the drift of a channel from tick to tick, divided by the variance of its estimate.
     /// With a large value the observer trusts the estimate.
@@ -39,7 +39,7 @@ pub struct LqgParams {
     pub drift: f64,
     /// Rise time of the reference model from 10 % to 90 % of a step of the target; with 0 s the model is the step
     /// itself.
-    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
+    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min", live)]
     pub rise: f64,
     /// Time for which an estimate is used after its newest measurement.
     #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
@@ -101,12 +101,7 @@ impl Operator for ControlLqg {
             None => integrating(&plant, params.drift, period)?,
         };
         let (n, p, m) = (known.a.nrows(), known.c.nrows(), known.b.ncols());
-        let weights = Weights {
-            // The costs are those of a second, whatever the sample time; the integrators count samples.
-            state: known.c.transpose() * &known.c * (params.error_weight * period),
-            integral: DMatrix::from_diagonal_element(p, p, params.integral_weight * period * period * period),
-            effort: DMatrix::from_diagonal_element(m, m, params.effort_weight * period),
-        };
+        let weights = weights(&params, &known, period);
         let mut law =
             Lqi::design(known, &weights).map_err(|e| SetupError(format!("there is no gain: {e}")))?;
         law.limit(identified.as_ref().map_or([-1.0, 1.0], Identified::limits));
@@ -127,6 +122,13 @@ impl Operator for ControlLqg {
             x: vec![0.0; n],
             shell: ControllerShell::new(plant, params.rise, params.stale, setup, names)?,
         })
+    }
+
+    fn adopt(&mut self, params: LqgParams) -> Result<(), AdoptError> {
+        let weights = weights(&params, self.law.plant(), self.period);
+        self.law.weigh(&weights).map_err(|e| AdoptError(format!("there is no gain: {e}")))?;
+        self.shell.set_rise(params.rise);
+        Ok(())
     }
 
     fn capacities(params: &LqgParams) -> Vec<usize> {
@@ -205,6 +207,16 @@ impl ControlLqg {
                 }
             }
         }
+    }
+}
+
+/// The costs are those of a second, whatever the sample time; the integrators count samples.
+fn weights(params: &LqgParams, plant: &Plant, period: f64) -> Weights {
+    let (p, m) = (plant.c.nrows(), plant.b.ncols());
+    Weights {
+        state: plant.c.transpose() * &plant.c * (params.error_weight * period),
+        integral: DMatrix::from_diagonal_element(p, p, params.integral_weight * period * period * period),
+        effort: DMatrix::from_diagonal_element(m, m, params.effort_weight * period),
     }
 }
 

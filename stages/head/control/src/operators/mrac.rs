@@ -1,8 +1,8 @@
 //! `control.mrac`: the adaptive controller.
 
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{AdoptError, Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_operator::{Feeder, FeederConflict};
-use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::DutyReason;
 
 use crate::channels::Channel;
@@ -30,23 +30,23 @@ pub struct MracParams {
     /// The controlled channels and the bladders that move them.
     pub plant: PlantParams,
     /// Rise time of the reference model from 10 % to 90 % of a step of the target.
-    #[param(unit = "s", default = "20 s", min = "0.1 s", max = "10 min")]
+    #[param(unit = "s", default = "20 s", min = "0.1 s", max = "10 min", live)]
     pub rise: f64,
     /// Decay rate of an error from the reference model.
-    #[param(unit = "Hz", default = "2.37 1/s", min = "0 1/s", max = "100 1/s")]
+    #[param(unit = "Hz", default = "2.37 1/s", min = "0 1/s", max = "100 1/s", live)]
     pub feedback: f64,
     /// Learning rate of the gains on the pose, K_y, in 1/s2.
-    #[param(default = 0, min = 0, max = 1000)]
+    #[param(default = 0, min = 0, max = 1000, live)]
     pub learn_pose: f64,
     /// Learning rate of the gains on the target, K_r, in 1/s2.
-    #[param(default = 0, min = 0, max = 1000)]
+    #[param(default = 0, min = 0, max = 1000, live)]
     pub learn_target: f64,
     /// Learning rate of the weights of the features, Theta, in 1/s2. A feature of 1 and an error of one scale change the
     /// demanded rate by this many scales per second in each second.
-    #[param(default = 1, min = 0, max = 1000)]
+    #[param(default = 1, min = 0, max = 1000, live)]
     pub learn_features: f64,
     /// Decay rate of the gains (sigma-modification).
-    #[param(unit = "Hz", default = "0.0005 1/s", min = "0 1/s", max = "100 1/s")]
+    #[param(unit = "Hz", default = "0.0005 1/s", min = "0 1/s", max = "100 1/s", live)]
     pub leak: f64,
     /// Refused: `learn_pose` takes its place.
     pub learning_pose: Option<f64>,
@@ -121,7 +121,7 @@ impl Operator for ControlMrac {
         let features = features(&params, &plant, setup)?;
         let design = MracDesign {
             feedback: params.feedback,
-            learning: [params.learn_pose, params.learn_target, params.learn_features],
+            learning: learning(&params),
             leak: params.leak,
             ball: Ball { radius: params.greatest_gain, shell: 0.1 },
             dead_zone,
@@ -139,6 +139,14 @@ impl Operator for ControlMrac {
             law,
             net,
         })
+    }
+
+    fn adopt(&mut self, params: MracParams) -> Result<(), AdoptError> {
+        for law in [&mut self.law, &mut self.initial] {
+            law.set_rates(params.feedback, learning(&params), params.leak);
+        }
+        self.shell.set_rise(params.rise);
+        Ok(())
     }
 
     fn capacities(params: &MracParams) -> Vec<usize> {
@@ -181,6 +189,10 @@ impl Operator for ControlMrac {
         }
         Ok(())
     }
+}
+
+fn learning(params: &MracParams) -> [f64; 3] {
+    [params.learn_pose, params.learn_target, params.learn_features]
 }
 
 /// Refuses the parameters of older builds, with the values to write in their place: P of the Lyapunov equation, `weight`

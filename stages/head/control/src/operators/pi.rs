@@ -1,8 +1,8 @@
 //! `control.pi`: the baseline.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{AdoptError, Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_operator::{Feeder, FeederConflict};
-use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 
 use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, STATE, named};
 use crate::operators::followed;
@@ -15,14 +15,14 @@ pub struct PiParams {
     /// The controlled channels and the bladders that move them.
     pub plant: PlantParams,
     /// Commanded speed of a channel per error of that channel.
-    #[param(unit = "Hz", default = "1 1/s", min = "0 1/s", max = "100 1/s")]
+    #[param(unit = "Hz", default = "1 1/s", min = "0 1/s", max = "100 1/s", live)]
     pub proportional: f64,
     /// Growth of that speed per second for a lasting error, in 1/s2.
-    #[param(default = 0.15, min = 0, max = 1000)]
+    #[param(default = 0.15, min = 0, max = 1000, live)]
     pub integral: f64,
     /// Rise time of the reference model from 10 % to 90 % of a step of the target; with 0 s the model is the step
     /// itself.
-    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
+    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min", live)]
     pub rise: f64,
     /// Time for which an estimate is used after its newest measurement.
     #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
@@ -63,8 +63,7 @@ impl Operator for ControlPi {
 
     fn new(params: PiParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let plant = params.plant.checked()?;
-        let gains = PiGains { proportional: params.proportional, integral: params.integral };
-        let law = Pi::new(gains, plant.effect.clone());
+        let law = Pi::new(gains(&params), plant.effect.clone());
         let net = vec![0.0; plant.effect.bladders()];
         let names: Vec<String> = plant
             .channels
@@ -72,6 +71,12 @@ impl Operator for ControlPi {
             .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
             .collect();
         Ok(Self { shell: ControllerShell::new(plant, params.rise, params.stale, setup, names)?, law, net })
+    }
+
+    fn adopt(&mut self, params: PiParams) -> Result<(), AdoptError> {
+        self.law.set_gains(gains(&params));
+        self.shell.set_rise(params.rise);
+        Ok(())
     }
 
     fn capacities(params: &PiParams) -> Vec<usize> {
@@ -97,4 +102,8 @@ impl Operator for ControlPi {
         }
         self.shell.act(outputs, &self.net, reasons).map(drop)
     }
+}
+
+fn gains(params: &PiParams) -> PiGains {
+    PiGains { proportional: params.proportional, integral: params.integral }
 }

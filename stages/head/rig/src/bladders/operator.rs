@@ -5,10 +5,10 @@ use nalgebra::Isometry3;
 use rand::Rng;
 use stillpoint_mechanics::plant::rigs::RIGS;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
-    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
+    AdoptError, FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_samples::{
     Cause, Command, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
 };
@@ -45,7 +45,9 @@ pub struct BladderRig<const RIG: usize> {
     /// Ticks of the timer from one image to the next.
     ticks_per_image: u64,
     lost: f64,
-    /// Number of the next image.
+    /// Period of the timer, ns.
+    every: u64,
+    /// Ticks from the first to that of the next image.
     next_image: u64,
     /// What `diagnostics` said last.
     reported: Option<Mobility>,
@@ -155,10 +157,18 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
             rest,
             ticks_per_image: params.camera.every / every.max(1),
             lost: params.camera.lost,
+            every,
             next_image: 0,
             reported: None,
             begin: None,
         })
+    }
+
+    fn adopt(&mut self, params: BladderParams) -> Result<(), AdoptError> {
+        // The period is a multiple of the timer's: `validate_period` has seen to it.
+        self.ticks_per_image = params.camera.every / self.every.max(1);
+        self.lost = params.camera.lost;
+        Ok(())
     }
 
     fn capacities(params: &BladderParams) -> Vec<usize> {
@@ -186,9 +196,9 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         // A camera measures now, however old the duties are that moved the head.
         outputs.acquired_at(activation.time);
         let couch_from_head = self.rig.couch_from_head(&self.rest);
-        let image = activation.tick.saturating_sub(first_tick) / self.ticks_per_image;
-        if image >= self.next_image {
-            self.next_image = image + 1;
+        let tick = activation.tick.saturating_sub(first_tick);
+        if tick >= self.next_image {
+            self.next_image = (tick / self.ticks_per_image + 1) * self.ticks_per_image;
             self.look(&couch_from_head, now, activation, outputs)?;
         }
         outputs.lap(CAMERA_LAP);

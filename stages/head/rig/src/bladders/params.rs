@@ -102,10 +102,10 @@ pub struct PushParams {
 #[derive(Clone, Copy, Debug, Params)]
 pub struct RigCameraParams {
     /// Time from one image to the next: a multiple of the rig's `every`.
-    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "10 s")]
+    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "10 s", live)]
     pub every: u64,
     /// Fraction of the images that is lost.
-    #[param(default = 0, min = 0, max = 1)]
+    #[param(default = 0, min = 0, max = 1, live)]
     pub lost: f64,
     /// The camera whose noise is simulated.
     #[param(default = "structured_light")]

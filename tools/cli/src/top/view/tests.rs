@@ -56,6 +56,7 @@ fn snapshot() -> Snapshot {
         }],
         contracts: Vec::new(),
         processes: Vec::new(),
+        changed: Vec::new(),
         recorder: Some(RecorderRow { session: "sessions/head-3dof-0001".into(), bytes: 4_100_000, free_bytes: None }),
     }
 }

@@ -1,0 +1,160 @@
+//! The values of parameters of a run or a session, and where each came from.
+
+use serde::Serialize;
+use serde_json::Value;
+use stillpoint_operator::params::{
+    CheckedParams, Origin, ParamField, ParamType, changed, live_paths, origin,
+};
+use stillpoint_pipeline::graph::{Graph, OperatorNode, settings_topic};
+use stillpoint_pipeline::live::contracts;
+use stillpoint_recorder::Session;
+use stillpoint_samples::{Pieces, Sample, SettingAnswer, SettingAnswerElement};
+use stillpoint_shm::{Subscriber, Topic};
+
+use crate::attach::Attached;
+use crate::exit::Failure;
+
+/// A parameter with its value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Operator and parameter, such as `law.proportional`.
+    pub parameter: String,
+    /// The value in SI units.
+    pub value: Value,
+    /// Its unit; empty for plain numbers and words.
+    pub unit: &'static str,
+    /// `default`, `file`, `--set` or `live`.
+    pub from: &'static str,
+    /// Whether it changes while the operator runs.
+    pub live: bool,
+}
+
+impl Row {
+    /// The row as text.
+    pub fn text(&self) -> String {
+        let value = match &self.value {
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let live = if self.live { ", can be set" } else { "" };
+        format!("{}: {value}{unit} ({}{live})", self.parameter, self.from)
+    }
+}
+
+/// The answers of operators to changes of their parameters, as they come.
+pub struct Values {
+    taps: Vec<(usize, Subscriber, Topic)>,
+    /// By operator: the answers of its newest incarnation.
+    known: Vec<(u32, Vec<SettingAnswerElement>)>,
+}
+
+impl Values {
+    /// The answers of a run, those included that were given before it was joined.
+    pub fn open(attached: &Attached) -> Result<Self, Failure> {
+        let graph = &attached.graph;
+        let mut taps = Vec::new();
+        for (operator, node) in graph.operators.iter().enumerate() {
+            let Some(output) = node.stage.settings_output() else { continue };
+            let contract = contracts::output(graph, operator, output);
+            let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+            let (subscriber, _) = topic.subscriber_with_history().map_err(Failure::failed)?;
+            subscriber.connect().map_err(Failure::failed)?;
+            taps.push((operator, subscriber, topic));
+        }
+        Ok(Self { taps, known: vec![Default::default(); graph.operators.len()] })
+    }
+
+    /// The answers that a session holds.
+    pub fn of_session(session: &Session, graph: &Graph) -> Self {
+        let mut answers = Self { taps: Vec::new(), known: vec![Default::default(); graph.operators.len()] };
+        for (operator, node) in graph.operators.iter().enumerate() {
+            let Some(number) = session.topic_number(&settings_topic(&node.name)) else { continue };
+            for (incarnation, sequence) in session.numbers(number) {
+                let sample = session.sample(number, incarnation, sequence).ok().flatten();
+                let Some(sample) = sample else { continue };
+                if let Ok(pieces) = Pieces::split(SettingAnswer::KIND, &sample.sample) {
+                    answers.enter(operator, pieces);
+                }
+            }
+        }
+        answers
+    }
+
+    fn enter(&mut self, operator: usize, pieces: Pieces<'_>) {
+        let incarnation = pieces.header().incarnation;
+        let Ok(view) = pieces.view::<SettingAnswer>() else { return };
+        let (life, list) = &mut self.known[operator];
+        if incarnation > *life {
+            // A new incarnation begins with the values of the file.
+            (*life, *list) = (incarnation, Vec::new());
+        }
+        if incarnation == *life {
+            list.extend(view.first());
+        }
+    }
+
+    /// Reads what came since the last look.
+    pub fn look(&mut self) -> Result<(), Failure> {
+        for at in 0..self.taps.len() {
+            while let Some(sample) = self.taps[at].1.receive().map_err(Failure::failed)? {
+                self.enter(self.taps[at].0, sample.pieces());
+            }
+        }
+        Ok(())
+    }
+
+    /// The answers of an operator in its newest incarnation, oldest first.
+    pub fn of(&self, operator: usize) -> &[SettingAnswerElement] {
+        self.known.get(operator).map_or(&[], |(_, list)| list)
+    }
+
+    /// The parameters of an operator as they are now.
+    pub fn params(&self, operator: usize, node: &OperatorNode) -> CheckedParams {
+        let taken = self.of(operator).iter().filter(|answer| answer.refusal().is_none());
+        taken.fold(node.params.clone(), |params, answer| {
+            let path = answer.path().split_once('.').map_or("", |(_, path)| path);
+            changed(&node.stage, &params, path, answer.value()).unwrap_or(params)
+        })
+    }
+
+    /// All parameters of an operator as they are now.
+    pub fn rows(&self, operator: usize, node: &OperatorNode) -> Vec<Row> {
+        let params = self.params(operator, node);
+        let live = live_paths(node.stage.fields);
+        let mut rows = Vec::new();
+        list(node.stage.fields, "", &params, &mut |path, field| {
+            let pointer = format!("/{}", path.replace('.', "/"));
+            rows.push(Row {
+                parameter: format!("{}.{path}", node.name),
+                value: params.resolved.pointer(&pointer).cloned().unwrap_or_default(),
+                unit: field.unit,
+                from: origin(&params, path).word(),
+                live: live.iter().any(|known| known == path),
+            });
+        });
+        rows
+    }
+
+    /// The parameters of all operators that were changed while they run.
+    pub fn changed(&self, graph: &Graph) -> Vec<Row> {
+        let all = graph.operators.iter().enumerate().filter(|(operator, _)| !self.of(*operator).is_empty());
+        let rows = all.flat_map(|(operator, node)| self.rows(operator, node));
+        rows.filter(|row| row.from == Origin::Live.word()).collect()
+    }
+}
+
+fn list(
+    fields: &'static [ParamField],
+    before: &str,
+    params: &CheckedParams,
+    take: &mut impl FnMut(&str, &ParamField),
+) {
+    for field in fields {
+        let path = format!("{before}{}", field.name);
+        match field.ty {
+            ParamType::Group(nested) => list(nested, &format!("{path}."), params, take),
+            _ => take(&path, field),
+        }
+    }
+}
