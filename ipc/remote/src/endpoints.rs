@@ -145,7 +145,11 @@ impl Endpoints {
         });
         // zenoh names the line of its source, which says nothing to those who read this.
         let reason = reason.split(" at /").next().unwrap_or(reason).trim_end_matches(['.', '!']);
-        RemoteError::Session { place, reason: reason.to_owned() }
+        let check = match self.listen.is_empty() {
+            true => "a program of stillpoint listens there and that no firewall is between",
+            false => "the ports are free and that the address is one of this machine",
+        };
+        RemoteError::Session { place, reason: reason.to_owned(), check }
     }
 }
 

@@ -50,14 +50,14 @@ pub enum RemoteError {
     #[error("{0}")]
     Refused(String),
     /// zenoh refuses the session.
-    #[error(
-        "no session can be opened ({place}): {reason}; check that the ports are free and that the address is one of this machine"
-    )]
+    #[error("no session can be opened ({place}): {reason}; check that {check}")]
     Session {
         /// Where it listens, or connects.
         place: String,
         /// Message of zenoh.
         reason: String,
+        /// What may be amiss there.
+        check: &'static str,
     },
     /// A name cannot be used as a part of a key.
     #[error("`{0}` cannot be the name of a host: it needs 1 to 64 characters")]

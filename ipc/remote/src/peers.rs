@@ -135,9 +135,15 @@ impl Peers {
             return false;
         }
         let known = self.table.get(&beat.host);
-        if known.is_none() && self.table.len() >= MOST_PEERS {
+        if known.is_none() && self.table.len() >= MOST_PEERS && !self.forget_one() {
+            let reason = format!("host `{}` is not taken: {MOST_PEERS} others are known", beat.host);
+            if self.malformed.as_ref() != Some(&reason) {
+                self.note(reason.clone(), true);
+                self.malformed = Some(reason);
+            }
             return false;
         }
+        let known = self.table.get(&beat.host);
         // A life that ended, or a beat that was overtaken.
         if known.is_some_and(|p| {
             // The clock by which lives are numbered may be set back while a peer is away.
@@ -171,6 +177,17 @@ impl Peers {
         let peer = Peer { at: now, arrived: Instant::now(), is_alive: true, differences, offsets, beat };
         self.table.insert(peer.beat.host.clone(), peer);
         is_news
+    }
+
+    /// Makes room by the peer that is silent for longest and has no edge, so that no count of samples is lost. Gives whether
+    /// there was one.
+    fn forget_one(&mut self) -> bool {
+        let has_edge = |peer: &Peer| !(peer.beat.sends.is_empty() && peer.beat.takes.is_empty());
+        let silent = self.table.values().filter(|peer| !peer.is_alive && !has_edge(peer));
+        let Some(host) = silent.min_by_key(|peer| peer.arrived).map(|peer| peer.beat.host.clone()) else {
+            return false;
+        };
+        self.table.remove(&host).is_some()
     }
 
     /// Counts peers as gone whose beats do not arrive. Gives whether one is gone since the last look.
@@ -299,5 +316,52 @@ impl Peers {
             found: there.to_owned(),
             expected: here.to_owned(),
         })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn beat(host: &str, edges: usize) -> (String, Vec<u8>) {
+        let sends = (0..edges)
+            .map(|n| Sends { edge: n.to_string(), channel: "depth".to_owned(), end: 1, put: 1 })
+            .collect();
+        let beat = Beat {
+            protocol: crate::beat::PROTOCOL,
+            host: host.to_owned(),
+            incarnation: 1,
+            number: 1,
+            identity: HostIdentity::default(),
+            at: 0,
+            seen: Vec::new(),
+            sends,
+            takes: Vec::new(),
+        };
+        (format!("beat/{}", names::chunk(host)), beat.to_bytes())
+    }
+
+    #[test]
+    fn a_peer_that_is_gone_makes_room_for_another_unless_its_samples_are_counted() {
+        let mut peers = Peers::new("me".to_owned(), 1, HostIdentity::default());
+        let greet = |peers: &mut Peers, host: &str, edges| {
+            let (key, bytes) = beat(host, edges);
+            peers.receive(&key, &bytes, 0);
+            peers.table.contains_key(host)
+        };
+        for number in 0..MOST_PEERS {
+            assert!(greet(&mut peers, &format!("host-{number}"), usize::from(number == 0)));
+        }
+        assert!(!greet(&mut peers, "late", 0), "all are alive");
+        assert!(peers.take_events().last().unwrap().text.contains("host `late` is not taken"));
+        for peer in peers.table.values_mut() {
+            peer.is_alive = false;
+        }
+        for number in 0..2 * MOST_PEERS {
+            assert!(greet(&mut peers, &format!("new-{number}"), 0), "{number}");
+            peers.table.get_mut(&format!("new-{number}")).unwrap().is_alive = false;
+        }
+        assert!(peers.table.contains_key("host-0"), "its samples are counted");
     }
 }

@@ -102,7 +102,12 @@ fn with_certificate(address: &str, connection: &ClientConnection, end: End) -> A
     match end {
         // It waits for the first message of zenoh.
         End::Silence | End::Closed if !connection.is_handshaking() => Answer::Taken,
-        End::Silence | End::Closed => refused(
+        End::Silence => refused(format!(
+            "the other end takes the connection and says nothing for {} ms: its program is stopped or busy, or does not \
+             speak TLS",
+            PATIENCE.as_millis()
+        )),
+        End::Closed => refused(
             "the other end does not speak TLS: it needs endpoints `tls/...` and a certificate, or is not a program of stillpoint"
                 .to_owned(),
         ),
@@ -210,6 +215,20 @@ mod tests {
                     .to_owned()
             )
         );
+    }
+
+    #[test]
+    fn an_end_that_is_stopped_is_not_called_a_foreign_one() {
+        // The kernel takes the connection of a stopped program.
+        let stopped = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = stopped.local_addr().unwrap().to_string();
+        let mut connection =
+            ClientConnection::new(plain().unwrap(), ServerName::try_from("a").unwrap()).unwrap();
+        let mut stream = TcpStream::connect(&address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
+        let end = converse(&mut connection, &mut stream);
+        let Answer::Refused(why) = with_certificate(&address, &connection, end) else { panic!("refused") };
+        assert!(why.contains("stopped or busy"), "{why}");
     }
 
     proptest! {

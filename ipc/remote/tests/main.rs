@@ -160,7 +160,12 @@ fn a_port_in_use_and_a_wrong_endpoint_are_named() {
         matches!(error, RemoteError::Session { .. }) && error.to_string().contains(&port.to_string()),
         "{error}"
     );
+    assert!(error.to_string().contains("the ports are free"), "{error}");
     assert!(matches!(open("127.0.0.1:7".into()), RemoteError::Endpoint(_)));
+    // Nobody listens where it connects to: no port of this machine is in the way.
+    let absent = Endpoints { router: vec![format!("tcp/127.0.0.1:{}", two_ports())], ..Endpoints::default() };
+    let error = Host::open(common::settings("other", absent, identity(), 1, 0)).err().unwrap();
+    assert!(error.to_string().contains("a program of stillpoint listens there"), "{error}");
 }
 
 #[test]

@@ -10,7 +10,7 @@
 //! # }
 //!
 //! let faults = check("stillpoint: 2\n", "head.yaml", &[], &Registry::default(), &Disk).err().unwrap();
-//! assert!(faults.to_string().contains("head.yaml:1:13: `2` is no version that this build reads"));
+//! assert!(faults.to_string().contains("head.yaml:1:13: `2` is not a version that this build reads"));
 //! ```
 //!
 //! Text to tree: `config` of the crate `stillpoint_operator`; `sets`: `--set operator.param=value`, applied to the tree

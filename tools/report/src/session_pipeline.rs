@@ -9,12 +9,22 @@ use stillpoint_pipeline::session::{PARAMS, PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_recorder::Session;
 
+/// Metadata record of a session that was joined from those of several hosts: `HOST.session`, `HOST.offset_ns` and
+/// `HOST.uncertainty_ns` of each, and the host whose `axis` of time it has.
+pub const MERGED: &str = "stillpoint.merged";
+
 /// Why the pipeline of a session cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionPipelineError {
     /// The session has no such attachment.
     #[error("the session has no {0}: it is not a session of stillpoint, or its start is lost")]
     Missing(&'static str),
+    /// The session was joined from others.
+    #[error(
+        "the session was joined from those of the hosts {0}, so it has no pipeline and does not replay: give the session of \
+         one host"
+    )]
+    Joined(String),
     /// An attachment cannot be read.
     #[error("{name} of the session: {reason}")]
     Unreadable {
@@ -59,6 +69,10 @@ pub fn recorded_pipeline(
     session: &Session,
     registry: &Registry,
 ) -> Result<SessionPipeline, SessionPipelineError> {
+    if let Some(hosts) = session.metadata().get(MERGED) {
+        let hosts: Vec<&str> = hosts.keys().filter_map(|key| key.strip_suffix(".session")).collect();
+        return Err(SessionPipelineError::Joined(hosts.join(", ")));
+    }
     let text = |name: &'static str| {
         let retained = session.attachments().get(name).ok_or(SessionPipelineError::Missing(name))?;
         String::from_utf8(retained.bytes.clone())

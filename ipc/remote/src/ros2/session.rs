@@ -55,6 +55,7 @@ fn refused(settings: &Ros2Settings, reason: &str) -> RemoteError {
     RemoteError::Session {
         place: format!("connects to ROS 2 at {}", settings.connect),
         reason: reason.to_owned(),
+        check: "the router of ROS 2 runs there and that no firewall is between",
     }
 }
 

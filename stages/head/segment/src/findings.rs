@@ -25,7 +25,7 @@ impl Rejection {
             Self::TooFewVoxels { .. } | Self::OutOfRange { .. } => 1,
             Self::NoPlane { .. } => 2,
             Self::NoCluster { .. } => 3,
-            Self::NoHead { .. } => 4,
+            Self::NoHead { .. } | Self::SmallHead { .. } => 4,
             Self::Uncertain { .. } => 5,
             Self::Ambiguous { .. } => 6,
         }
@@ -37,7 +37,8 @@ impl Rejection {
             Self::TooFewVoxels { found, needed }
             | Self::NoPlane { found, needed }
             | Self::NoCluster { above: found, needed }
-            | Self::NoHead { above: found, needed } => (found as f64, needed as f64),
+            | Self::NoHead { above: found, needed, .. }
+            | Self::SmallHead { found, needed } => (found as f64, needed as f64),
             Self::OutOfRange { needed, .. } => (0.0, needed as f64),
             Self::Uncertain { best } => (best.certainty(), ENOUGH),
             Self::Ambiguous { .. } => (2.0, 1.0),

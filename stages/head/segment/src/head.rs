@@ -32,17 +32,34 @@ pub struct HeadParams {
 impl HeadParams {
     /// Whether the patches that support a ball cover enough of its half that faces the camera.
     pub(crate) fn is_shown(&self, ball: &Ball) -> bool {
+        self.part_shown(ball) >= SHOWN
+    }
+
+    /// Part of the half of a ball that faces the camera that the patches that support it cover.
+    fn part_shown(&self, ball: &Ball) -> f64 {
         let side = PATCH * self.leaf;
         let half_ball = 2.0 * std::f64::consts::PI * ball.radius * ball.radius;
-        ball.voters as f64 * side * side >= SHOWN * half_ball
+        ball.voters as f64 * side * side / half_ball
     }
 }
 
+/// Why nothing over the plane may be a head.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unlike {
+    /// Nothing is as round as a head of these radii, m.
+    Flat { radii: [f64; 2] },
+    /// The middle of the roundest thing is this high over the plane, and that of a head of its size at least so high, m: what
+    /// lies around it hides the rest, or is taken for the couch.
+    Low { height: f64, least: f64 },
+    /// Of the half of the roundest thing that faces the camera this part is seen; the least of a head.
+    Hidden { shown: f64, least: f64 },
+}
+
 /// Why there is no head.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoHead {
     /// Nothing has the size and roundness of a head.
-    Nothing,
+    Nothing(Unlike),
     /// No candidate passes the checks of identity.
     Uncertain,
     /// More than one candidate may be the head.
@@ -137,6 +154,18 @@ impl HeadFinder {
         let lying = if params.identity.is_some() { LYING_CHECKED } else { LYING };
         let lies_on = |ball: &Ball| height(ball) + plane.offset > lying * ball.radius;
         let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball));
+        if shown().next().is_none() {
+            // The thing that is the roundest is what a person would take for the head.
+            let round = balls.filter(|ball| params.part_shown(ball) > SHOWN / 2.0);
+            let unlike = match round.max_by_key(|ball| ball.voters) {
+                None => Unlike::Flat { radii },
+                Some(ball) if lies_on(ball) => {
+                    Unlike::Hidden { shown: params.part_shown(ball), least: SHOWN }
+                }
+                Some(ball) => Unlike::Low { height: height(ball) + plane.offset, least: lying * ball.radius },
+            };
+            return Err(NoHead::Nothing(unlike));
+        }
         let patches = self.surface.patches();
         // Balls of one thing, and with the checks of identity that of the head alone.
         let mut radius = params.radius;
@@ -161,7 +190,7 @@ impl HeadFinder {
             middle.is_none_or(|middle| (ball.centre - middle).norm() < ONE_HEAD * params.radius)
         };
         let highest = shown().filter(is_chosen).max_by(|a, b| height(a).total_cmp(&height(b)));
-        let Some(highest) = highest.copied() else { return Err(NoHead::Nothing) };
+        let Some(highest) = highest.copied() else { return Err(NoHead::Uncertain) };
         let params = &HeadParams { radius, ..*params };
         // A face is round, too, and may be higher than the cranium, of which more is seen.
         let near = |ball: &&Ball| (ball.centre - highest.centre).norm() < ONE_HEAD * params.radius;

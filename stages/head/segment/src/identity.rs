@@ -75,6 +75,46 @@ impl Candidate {
     pub fn certainty(&self) -> f64 {
         self.in_region.min(self.shape).min(self.alone)
     }
+
+    /// What of a head with a body its shape lacks most.
+    #[must_use]
+    pub fn lacks(&self) -> ShapeLack {
+        let set_off = at_limit(self.valley, VALLEY).max(at_limit(self.neck, NECK));
+        let all = [
+            (set_off, ShapeLack::Neck),
+            (at_limit(self.body_area, AREA), ShapeLack::Body),
+            (at_limit(self.body_width, WIDTH), ShapeLack::Shoulders),
+            (at_limit(self.midline, MIDLINE), ShapeLack::Midline),
+        ];
+        let least = all.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        least.map_or(ShapeLack::Body, |(_, lack)| lack)
+    }
+}
+
+/// What a thing of a head's size may lack of a head with a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapeLack {
+    /// Neither a valley nor a narrower place sets it off from what lies footwards.
+    Neck,
+    /// Too little surface is seen footwards.
+    Body,
+    /// What lies footwards is hardly wider.
+    Shoulders,
+    /// What lies footwards reaches much farther to one side.
+    Midline,
+}
+
+impl ShapeLack {
+    /// As the end of a sentence about it.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Neck => "has no neck that sets it off",
+            Self::Body => "has no body footwards of it",
+            Self::Shoulders => "has no shoulders",
+            Self::Midline => "is beside its body's midline",
+        }
+    }
 }
 
 impl IdentityParams {

@@ -122,6 +122,43 @@ fn empty_table_has_no_cluster() {
     );
 }
 
+/// A table below the camera with a ball of 90 mm in its middle, which is `height` over the table; of its image the columns
+/// from `cut` on are seen.
+fn ball(height: f32, cut: usize) -> Vec<[f32; 3]> {
+    let radius = 0.09;
+    (0..WIDTH * HEIGHT)
+        .map(|i| {
+            let ray = [(i % WIDTH) as f32 - 159.5, (i / WIDTH) as f32 - 119.5].map(|c| c / 280.0);
+            let (a, b) = (ray[0] * ray[0] + ray[1] * ray[1] + 1.0, TABLE - height);
+            let root = b * b - a * (b * b - radius * radius);
+            let z = if root > 0.0 { ((b - root.sqrt()) / a).min(TABLE) } else { TABLE };
+            if z < TABLE && i % WIDTH < cut { [f32::NAN; 3] } else { [ray[0] * z, ray[1] * z, z] }
+        })
+        .collect()
+}
+
+#[test]
+fn a_frame_without_a_head_says_what_is_amiss() {
+    let params = FaceParams { rule: Rule::Head, height_min: 0.03, ..params() };
+    let why = |cloud: &[[f32; 3]]| {
+        let mut segmenter = FaceSegmenter::new(params).unwrap();
+        let seen = segmenter.segment(image(cloud), &mut rng()).face.map(<[u32]>::len);
+        seen.map_err(|why| {
+            let text = why.to_string();
+            // The sample of a rejection has 96 bytes for it.
+            assert!(text.len() <= 96, "{text}");
+            text
+        })
+    };
+    assert!(why(&ball(0.1, 0)).is_ok_and(|points| points > 1000));
+    let flat = why(&scene(&[HEAD, CUP]).0).unwrap_err();
+    assert!(flat.contains("none as round as a head"), "{flat}");
+    let low = why(&ball(0.03, 0)).unwrap_err();
+    assert!(low.contains("mm up, a head's") && low.contains("lower what lies around it"), "{low}");
+    let hidden = why(&ball(0.1, 172)).unwrap_err();
+    assert!(hidden.contains("% of its side, a head 35: uncover it"), "{hidden}");
+}
+
 #[test]
 fn frame_after_a_refused_one_starts_afresh() {
     let (cloud, _) = scene(&[HEAD, CUP]);

@@ -494,7 +494,7 @@ mod tests {
         // Each fourth bixel of the rim: more than one in ten, so nine of ten say nothing.
         let spread = |beam: &mut CheckedBeam| {
             let corners = (0..81).filter(|i| i % 9 % 2 == 0 && i / 9 % 2 == 0);
-            corners.for_each(|i| beam.weights[i] = 60.0);
+            corners.for_each(|i| beam.weights[i] = 200.0);
         };
         assert!(peaks(spread) > 8);
     }

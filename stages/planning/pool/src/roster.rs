@@ -28,6 +28,8 @@ pub struct WorkerState {
     pub proven: BTreeSet<Kind>,
     /// Why it is not asked any more.
     pub shut_out: Option<String>,
+    /// Whether that is for its build, which a new life may mend. A wrong answer is never forgotten.
+    is_for_build: bool,
     full_until: u64,
 }
 
@@ -59,11 +61,14 @@ impl Roster {
                 if known.is_none() && self.workers.len() >= MOST {
                     return (None, false);
                 }
-                let event = match &other {
+                let before = self.workers.get(name).filter(|w| !w.is_for_build);
+                let wrong = before.and_then(|w| w.shut_out.clone());
+                let is_for_build = wrong.is_none() && other.is_some();
+                let shut_out = wrong.or(other);
+                let event = match &shut_out {
                     Some(reason) => format!("worker `{name}` is not asked: {reason}"),
                     None => format!("worker `{name}` is there, with {} slots", hello.slots),
                 };
-                let shut_out = self.workers.get(name).and_then(|w| w.shut_out.clone()).or(other);
                 let state = WorkerState {
                     hello,
                     received: now,
@@ -71,6 +76,7 @@ impl Roster {
                     answered: 0,
                     proven: BTreeSet::new(),
                     shut_out,
+                    is_for_build,
                     full_until: 0,
                 };
                 let was_there = self.workers.insert(name.to_owned(), state).is_some();
@@ -164,5 +170,22 @@ mod tests {
         assert!(!roster.is_usable(SILENCE, "w"));
         let (event, is_new_life) = roster.greet(SILENCE, "w", hello(997), &build);
         assert!(event.is_some() && is_new_life && roster.is_usable(SILENCE, "w"));
+    }
+
+    #[test]
+    fn a_worker_is_asked_again_once_its_build_is_right_and_never_after_a_wrong_answer() {
+        let (mut roster, build) = (Roster::default(), Build::of("b"));
+        let other = |incarnation| Hello { build: "c".to_owned(), ..hello(incarnation) };
+        let (event, _) = roster.greet(0, "w", other(1), &build);
+        assert!(event.unwrap().contains("is not asked: it has another build") && !roster.is_usable(0, "w"));
+        let (event, _) = roster.greet(1, "w", hello(2), &build);
+        assert!(event.unwrap().contains("is there") && roster.is_usable(1, "w"));
+        roster.get_mut("w").unwrap().shut_out = Some("its answer was wrong".to_owned());
+        // Neither a new life nor another build in between is a way round it.
+        for (at, hello) in [(2, hello(3)), (3, other(4)), (4, hello(5))] {
+            let (event, _) = roster.greet(at, "w", hello, &build);
+            assert!(event.unwrap().contains("is not asked: its answer was wrong"), "{at}");
+            assert!(!roster.is_usable(at, "w"), "{at}");
+        }
     }
 }

@@ -159,6 +159,12 @@ fn two_hosts_come_on_the_time_axis_of_the_first_by_the_surest_measurement() {
     let mode = |name: &str| std::fs::metadata(joined.join(name)).unwrap().permissions().mode() & 0o777;
     assert_eq!((mode(""), mode("part-000.mcap")), (0o700, 0o600));
     // What is joined is no session to replay, and says so.
+    let replay = stillpoint(folder.path(), &["replay", "joined"]);
+    let why = text(&replay.stderr);
+    assert!(
+        !replay.status.success() && why.contains("joined from those of the hosts bedside, cluster"),
+        "{why}"
+    );
     let info = stillpoint(folder.path(), &["info", "joined"]);
     assert!(
         text(&info.stdout).contains("joined from the sessions of several hosts"),
@@ -184,6 +190,7 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
     Host { measured: None, ..CLUSTER }.record(&at("silent-b"));
     Host { measured: Some(("rig_truth_cluster", [f64::NAN, 0.0])), ..CLUSTER }.record(&at("nan"));
     Host { pipeline: "stillpoint: 1\nname: x\n", ..CLUSTER }.record(&at("broken"));
+    Host { begun: CLUSTER.begun + 60_000 * MS, ..CLUSTER }.record(&at("next"));
     create_session(&at("empty")).unwrap();
     std::fs::write(at("text"), "this is not a session").unwrap();
     for (sessions, words) in [
@@ -192,6 +199,7 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
         (["a", "whole"], "whole: this session was not recorded by one of several hosts"),
         (["silent-a", "silent-b"], "silent-b: no session holds the offset of the clock of `cluster`"),
         (["a", "nan"], "nan: a measurement of a clock cannot be read: the offset NaN s"),
+        (["a", "next"], "a is 59.505 s apart from the other sessions: it is of another run"),
         (["a", "broken"], "broken: the session's pipeline does not fit this build"),
         (["a", "empty"], "empty: no part-000.mcap is in this folder"),
         (["a", "text"], "text: this is not an MCAP file"),
@@ -203,5 +211,9 @@ fn sessions_that_cannot_be_joined_are_refused_with_the_reason() {
     assert_eq!(merge(folder.path(), &["silent-a", "b"]).unwrap()["hosts"][1]["uncertainty_ns"], 50_000);
     assert!(merge(folder.path(), &["a", "b", "joined"]).is_err());
     let taken = stillpoint(folder.path(), &["merge", "a", "b", "--out", "joined"]);
-    assert!(!taken.status.success() && text(&taken.stderr).contains("joined: "), "{}", text(&taken.stderr));
+    assert!(
+        !taken.status.success() && text(&taken.stderr).contains("never written over"),
+        "{}",
+        text(&taken.stderr)
+    );
 }

@@ -1,5 +1,6 @@
 //! What the chain found in a frame, or why not.
 
+use crate::head::Unlike;
 use crate::hull::ConvexHull;
 use crate::identity::Candidate;
 use crate::mlesac::PlaneFit;
@@ -40,13 +41,18 @@ pub enum Rejection {
         needed: usize,
     },
     /// No object above the plane has the size and roundness of a head.
-    #[error("{above} voxels are over the plane and none of them are a head, which has {needed}")]
+    #[error("{}", text_of_unlike(*.above, *.unlike))]
     NoHead {
         /// Voxels over the plane.
         above: usize,
         /// Voxels that a head needs.
         needed: usize,
+        /// What is amiss.
+        unlike: Unlike,
     },
+    /// What was cut out as the head has too few voxels.
+    #[error("the head has {found} voxels, {needed} are needed: move the camera nearer or set `min_points`")]
+    SmallHead { found: usize, needed: usize },
     /// Of the things of a head's size none passes the checks of identity.
     #[error("{}", text_of(.best, "the likeliest head"))]
     Uncertain { best: Candidate },
@@ -88,14 +94,35 @@ fn placed(place: nalgebra::Vector3<f64>) -> String {
     format!("({x}, {y}, {z}) mm")
 }
 
+/// At most 96 bytes, as all reasons are cut there.
+fn text_of_unlike(above: usize, unlike: Unlike) -> String {
+    let [mm, percent] = [1e3, 1e2].map(|unit| move |value: f64| (value * unit).round());
+    match unlike {
+        Unlike::Flat { radii: [least, greatest] } => {
+            let (least, greatest) = (mm(least), mm(greatest));
+            format!("{above} voxels are over the plane, none as round as a head ({least} to {greatest} mm)")
+        }
+        Unlike::Low { height, least } => {
+            let (height, least) = (mm(height), mm(least));
+            format!("a round thing's middle is {height} mm up, a head's {least}: lower what lies around it")
+        }
+        Unlike::Hidden { shown, least } => {
+            let (shown, least) = (percent(shown), percent(least));
+            format!(
+                "a round thing shows {shown} % of its side, a head {least}: uncover it or move the camera"
+            )
+        }
+    }
+}
+
 fn text_of(candidate: &Candidate, what: &str) -> String {
     let others = candidate.in_region.min(candidate.shape);
     let lacks = if candidate.alone < 1.0 && candidate.alone <= others {
-        "cannot be cut from an arm or a pad next to it"
+        "cannot be cut from what touches it"
     } else if candidate.in_region < candidate.shape {
         "is out of the region"
     } else {
-        "has no neck or body"
+        candidate.lacks().words()
     };
     format!("{what} at {} {lacks}: certainty {:.2}", placed(candidate.place), candidate.certainty())
 }

@@ -237,15 +237,17 @@ impl FaceSegmenter {
                             Rejection::Ambiguous { both: [*first, *second] }
                         }
                         (NoHead::Uncertain, [best, ..]) => Rejection::Uncertain { best: *best },
-                        _ => Rejection::NoHead { above, needed },
+                        (NoHead::Nothing(unlike), _) => Rejection::NoHead { above, needed, unlike },
+                        _ => Rejection::SmallHead { found: 0, needed },
                     });
                 }
                 self.is_face.extend_from_slice(self.head.is_head());
             }
         }
         ended(SegmentationStep::Head);
-        if self.is_face.iter().filter(|&&is| is).count() < needed {
-            return Err(Rejection::NoHead { above, needed });
+        let found = self.is_face.iter().filter(|&&is| is).count();
+        if found < needed {
+            return Err(Rejection::SmallHead { found, needed });
         }
         for (_, &label) in self.is_face.iter().zip(self.clusters.labels()).filter(|(is, _)| **is) {
             self.table.add_face(label);

@@ -39,7 +39,32 @@ pub fn clocks(parts: &[MergedPart]) -> Result<Vec<ClockOffset>, Failure> {
             ))
         })
     });
-    placed.collect()
+    let placed: Vec<ClockOffset> = placed.collect::<Result<_, _>>()?;
+    at_one_time(parts, &placed)?;
+    Ok(placed)
+}
+
+/// Sessions of one run overlap; those of two runs of a pipeline have the same hosts and settings, too.
+fn at_one_time(parts: &[MergedPart], clocks: &[ClockOffset]) -> Result<(), Failure> {
+    let span = |number: usize| {
+        let (span, clock) = (parts[number].span?, clocks[number]);
+        let [first, last] = span.map(|at| i128::from(at) - i128::from(clock.offset));
+        Some([first - i128::from(clock.uncertainty), last + i128::from(clock.uncertainty)])
+    };
+    for number in 0..parts.len() {
+        let Some([first, last]) = span(number) else { continue };
+        let others = || (0..parts.len()).filter(|other| *other != number).filter_map(span);
+        // From the nearest other one, ns.
+        let apart = others().map(|[begins, ends]| (begins - last).max(first - ends)).min();
+        if let Some(apart) = apart.filter(|apart| *apart > 0) {
+            return Err(wrong(format!(
+                "{} is {:.3} s apart from the other sessions: it is of another run; give the sessions of one run",
+                parts[number].path.display(),
+                apart as f64 * 1e-9
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {

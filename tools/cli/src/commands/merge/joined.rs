@@ -6,18 +6,17 @@ use std::path::Path;
 
 use stillpoint_operator::outside::ClockOffset;
 use stillpoint_pipeline::session::{PIPELINE, RUN};
+use stillpoint_pipeline::session_recorder::create_folder;
 use stillpoint_recorder::{
     Attachment, ClockSample, Closing, Compression, Opening, PartWriter, Recorded, Role, Samples, Session,
-    Topic, TopicId, TopicInfo, create_part, create_session, write_metadata,
+    Topic, TopicId, TopicInfo, create_part, write_metadata,
 };
+use stillpoint_report::MERGED;
 use stillpoint_samples::{HEADER_SIZE, Header, Pieces};
 use zerocopy::IntoBytes;
 
 use super::part::MergedPart;
 use crate::exit::Failure;
-
-/// Metadata record of a session that was joined.
-const MERGED: &str = "stillpoint.merged";
 
 /// What was written.
 pub struct Written {
@@ -56,7 +55,7 @@ impl Walk<'_> {
 
 /// Writes the session into a new folder. A session that cannot be read to its end leaves no folder.
 pub fn write(out: &Path, parts: &[MergedPart], clocks: &[ClockOffset]) -> Result<Written, Failure> {
-    create_session(out).map_err(|e| Failure::failed(format!("{}: {e}", out.display())))?;
+    create_folder(out).map_err(Failure::failed)?;
     let written = fill(out, parts, clocks);
     if written.is_err() {
         // The reason is that of the failure.

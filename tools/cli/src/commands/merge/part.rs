@@ -30,6 +30,8 @@ pub struct MergedPart {
     pub pipeline: String,
     /// Settings beside the host.
     pub sets: Vec<String>,
+    /// Times of the first and the last sample, ns, by the clock of this session; `None` without a sample.
+    pub span: Option<[u64; 2]>,
     /// Clocks of other hosts against that of this session, by host, in the order of measurement.
     pub measured: Vec<(String, ClockOffset)>,
 }
@@ -58,8 +60,19 @@ impl MergedPart {
             .map_err(|e| wrong(format!("{name}: the pipeline of all hosts does not fit this build:\n{e}")))?;
         let measured = measured(&session, &whole, &part.host)
             .map_err(|e| wrong(format!("{name}: a measurement of a clock cannot be read: {e}")))?;
-        Ok(Self { path: path.to_owned(), session, host: part.host, pipeline, sets, measured })
+        let span = span(&session).map_err(|e| wrong(format!("{name}: {e}")))?;
+        Ok(Self { path: path.to_owned(), session, host: part.host, pipeline, sets, span, measured })
     }
+}
+
+fn span(session: &Session) -> Result<Option<[u64; 2]>, String> {
+    let mut span: Option<[u64; 2]> = None;
+    for sample in session.samples() {
+        let at = sample.map_err(|e| e.to_string())?.log_time;
+        let [first, last] = span.unwrap_or([at; 2]);
+        span = Some([first.min(at), last.max(at)]);
+    }
+    Ok(span)
 }
 
 /// The graph of all hosts.
