@@ -114,7 +114,7 @@ pub fn what_if(
     let changes = changes(&before.graph, &after.graph);
     let reach = Reach::of(&after.graph, &changes, options, is_directed)?;
     let span = Span::of(session, &before.graph, is_directed).ok_or(WhatIfError::Empty)?;
-    let (latencies, measured) = latencies(session, &after.graph, &reach, options.step_times);
+    let (latencies, measured) = latencies(session, &after.graph, (&changes, &reach), options.step_times);
 
     let old = Arc::new(before.graph.clone());
     let mut ran = after.graph;
@@ -158,14 +158,23 @@ impl WhatIf {
     }
 }
 
-/// The times of steps, and the operators that run again with measured ones.
-fn latencies(session: &Session, graph: &Graph, reach: &Reach, times: StepTimes) -> (Latencies, Vec<String>) {
+/// The times of steps, and the operators that run again with measured ones. Of an operator whose latency was changed the
+/// measured ones do not hold.
+fn latencies(
+    session: &Session,
+    graph: &Graph,
+    (changes, reach): (&[Change], &Reach),
+    times: StepTimes,
+) -> (Latencies, Vec<String>) {
     if times == StepTimes::Declared {
         return (Latencies::Declared, Vec::new());
     }
+    let is_changed =
+        |name: &str| changes.iter().any(|change| change.operator == name && change.what == "latency");
     let all: BTreeMap<String, Measured> = graph
         .operators
         .iter()
+        .filter(|node| !is_changed(&node.name))
         .filter_map(|node| Some((node.name.clone(), Measured::of(session.journals().get(&node.name)?))))
         .filter(|(_, measured)| !measured.is_empty())
         .collect();
