@@ -17,7 +17,8 @@ use stillpoint_recorder::{Compression, Session, Source, recover};
 use stillpoint_samples::{
     Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Contacts, Datagram, DepthImage, Diagnostics,
     Duties, FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate,
-    Plane, PointCloud, PoolMessage, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
+    Plane, PointCloud, PoolMessage, Pose, PoseReport, Rejection, RigState, Sample, Setting, SettingAnswer,
+    Target, Track,
 };
 
 /// Looks at the pieces as a sample of each kind.
@@ -55,6 +56,8 @@ view_as_each!(
     PoseReport,
     Rejection,
     RigState,
+    Setting,
+    SettingAnswer,
     Target,
     Track
 );

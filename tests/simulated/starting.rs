@@ -30,7 +30,14 @@ fn source(kind: &str, file: &str) -> String {
 fn plan(param: &str, file: &str) -> String {
     let text = std::fs::read_to_string(from_root("examples/plan.yaml")).unwrap();
     assert!(text.contains("angles: 18,"));
-    text.replacen("angles: 18,", &format!("angles: 18, {param}: {file},"), 1)
+    match param {
+        // The last one is that of the plan.
+        "case" => {
+            let (before, after) = text.rsplit_once("case: data/head.case").unwrap();
+            format!("{before}case: {file}{after}")
+        }
+        _ => text.replacen("angles: 18,", &format!("angles: 18, {param}: {file},"), 1),
+    }
 }
 
 #[test]
@@ -49,7 +56,8 @@ fn a_file_whose_content_no_start_takes_is_refused_with_its_line() {
         (plan("machine", "a.machine"), "a.machine", &image[..100]),
     ];
     for (text, file, bytes) in cases {
-        let files = with_files(&[(file, bytes)]);
+        let head = std::fs::read(from_root("examples/data/head.case")).unwrap();
+        let files = with_files(&[(file, bytes), ("data/head.case", &head)]);
         let faults = checked(&text, &files).expect_err(file).to_string();
         let folder = file.split('/').next().unwrap();
         let line = 1 + text.lines().position(|line| line.contains(folder)).unwrap();

@@ -11,6 +11,7 @@ use crate::graph::{Graph, OperatorNode};
 use crate::instance::build_step;
 use crate::operator::Files;
 use crate::outside::Outside;
+use crate::stdout::StdoutRedirect;
 
 /// Where the values of an operator are in the text.
 pub struct Places {
@@ -43,6 +44,8 @@ fn scalars(node: &Node, found: &mut Vec<(String, Span)>) {
 
 /// Makes each operator of a graph, and finds those that cannot start.
 pub fn check(graph: &Graph, places: &[Places], files: &dyn Files, findings: &Findings) {
+    // What an operator prints when it is made does not belong to the output of the command.
+    let _aside = StdoutRedirect::to_stderr();
     for node in &graph.operators {
         let Err(reason) = build_step(graph, node, files, Outside::default()) else { continue };
         let reason = reason.to_string();

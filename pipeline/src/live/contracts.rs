@@ -66,7 +66,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let is_settings = graph.is_settings(operator, port);
     let recorded = match is_retained {
         // Changes come from people, one at a time.
-        true if is_settings => SETTINGS_KEPT,
+        true if is_settings || kind == Setting::KIND => SETTINGS_HELD,
+        true if kind == ConsoleCommand::KIND => COMMANDS_HELD,
         true => recorder_depth(kind, output.capacity),
         false => 1,
     };
@@ -84,13 +85,16 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
         // What an activation is about to send stands beside them.
         pool: deepest.max(recorded) + takers * (BORROWED - 1) + 2 + LOOKERS + burst,
-        history: if is_settings { SETTINGS_KEPT } else { 0 },
+        history: if is_settings { SETTINGS_HELD } else { 0 },
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
 
 /// Answers to changes of parameters that are kept for those who join a run later.
-pub const SETTINGS_KEPT: usize = 64;
+pub const SETTINGS_HELD: usize = 16;
+
+/// Commands of a topic that wait for the recorder: of a person, or of a console's script, they are a few a second.
+const COMMANDS_HELD: usize = 256;
 
 /// States of valves, of which the end of every run names each vent and fault: their samples wait for the supervisor, also
 /// where nothing is recorded.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::process::Stdio;
 
 use stillpoint_pool::pipe::ChildCourier;
-use stillpoint_pool::{Arrival, Build, ClientSettings, Courier, Message, Pool, To};
+use stillpoint_pool::{Arrival, Build, ClientSettings, Courier, CourierError, Message, Pool, To};
 
 use crate::bench::two_ports;
 use crate::pool::{Ends, program};
@@ -41,7 +41,7 @@ impl<F: Fn() -> Ends> Courier for Killing<F> {
         self.courier.send(to, bytes);
     }
 
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String> {
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError> {
         let arrival = self.courier.receive(until)?;
         let Some(Arrival { from, bytes }) = &arrival else { return Ok(None) };
         self.greeted.insert(from.clone());

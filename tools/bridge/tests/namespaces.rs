@@ -6,7 +6,7 @@
 use std::process::{Child, Command, Stdio};
 
 use stillpoint_pool::pipe::ChildCourier;
-use stillpoint_pool::{Arrival, Build, ClientSettings, Courier, Message, Pool, To};
+use stillpoint_pool::{Arrival, Build, ClientSettings, Courier, CourierError, Message, Pool, To};
 
 use crate::bench::wait_for;
 use crate::pool::Ends;
@@ -98,7 +98,7 @@ impl Courier for Cutting<'_> {
         self.courier.send(to, bytes);
     }
 
-    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, String> {
+    fn receive(&mut self, until: u64) -> Result<Option<Arrival>, CourierError> {
         if self.cut.is_some_and(|cut| !self.is_whole && self.now() - cut >= CUT) {
             assert!(self.bedside.ip("link set cable up"));
             self.is_whole = true;

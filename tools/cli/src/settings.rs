@@ -123,7 +123,7 @@ impl Values {
         let params = self.params(operator, node);
         let live = live_paths(node.stage.fields);
         let mut rows = Vec::new();
-        list(node.stage.fields, "", &params, &mut |path, field| {
+        list(node.stage.fields, "", &mut |path, field| {
             let pointer = format!("/{}", path.replace('.', "/"));
             rows.push(Row {
                 parameter: format!("{}.{path}", node.name),
@@ -144,16 +144,11 @@ impl Values {
     }
 }
 
-fn list(
-    fields: &'static [ParamField],
-    before: &str,
-    params: &CheckedParams,
-    take: &mut impl FnMut(&str, &ParamField),
-) {
+fn list(fields: &'static [ParamField], before: &str, take: &mut impl FnMut(&str, &ParamField)) {
     for field in fields {
         let path = format!("{before}{}", field.name);
         match field.ty {
-            ParamType::Group(nested) => list(nested, &format!("{path}."), params, take),
+            ParamType::Group(nested) => list(nested, &format!("{path}."), take),
             _ => take(&path, field),
         }
     }
