@@ -3,11 +3,25 @@
 use stillpoint_samples::{Header, SettingAnswerElement, SettingElement, filled};
 
 use crate::graph::{Edge, Graph, OperatorNode};
-use crate::operator::{ErasedOperator, Stage};
+use crate::operator::{AdoptError, ErasedOperator, Stage};
 use crate::params::{self, CheckedParams};
 
 /// From the sending of a change to the activation that takes it, ns: no operator takes it at the time at which it is sent.
 const DELAY: u64 = 1;
+
+/// Why a change is not taken.
+#[derive(Debug, thiserror::Error)]
+enum RefusedChange {
+    /// The value is none of the parameter.
+    #[error(transparent)]
+    Value(#[from] params::SetError),
+    /// The operator does not step as often as the value needs.
+    #[error("{0}")]
+    Period(String),
+    /// The operator refuses it.
+    #[error(transparent)]
+    Operator(#[from] AdoptError),
+}
 
 /// The parameters of an operator, some of which are live.
 pub struct Settings {
@@ -58,17 +72,23 @@ impl Settings {
             taken: u32::from(taken.is_ok()),
             path: change.path,
             value: change.value,
-            reason: filled(taken.err().as_deref().unwrap_or_default()),
+            reason: filled(&taken.err().map(|refused| refused.to_string()).unwrap_or_default()),
         };
         Some((self.output, answer))
     }
 
-    fn adopt(&mut self, path: &str, value: &str, operator: &mut dyn ErasedOperator) -> Result<(), String> {
-        let params = params::changed(&self.stage, &self.params, path, value).map_err(|e| e.to_string())?;
+    fn adopt(
+        &mut self,
+        path: &str,
+        value: &str,
+        operator: &mut dyn ErasedOperator,
+    ) -> Result<(), RefusedChange> {
+        let params = params::changed(&self.stage, &self.params, path, value)?;
         if let Some(every) = self.every {
-            (self.stage.validate_period)(&params, every).map_err(|conflict| conflict.reason)?;
+            (self.stage.validate_period)(&params, every)
+                .map_err(|conflict| RefusedChange::Period(conflict.reason))?;
         }
-        operator.adopt(&params).map_err(|e| e.to_string())?;
+        operator.adopt(&params)?;
         self.params = params;
         Ok(())
     }

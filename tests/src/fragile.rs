@@ -1,5 +1,7 @@
 //! An operator that may not be made.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{Kind, Role, SetupError, StepError, Timer};
 
@@ -24,8 +26,7 @@ pub struct FragileParams {
     pub interruption: Interruption,
 }
 
-/// Cannot be made, unless its parameter says so. The check of a run makes it, as if only the processes that follow lacked
-/// what it needs.
+/// Cannot be made, unless its parameter says so. The check of a run makes it, as if what it needs were gone afterwards.
 pub struct Fragile;
 
 impl Operator for Fragile {
@@ -40,7 +41,9 @@ impl Operator for Fragile {
     };
 
     fn new(params: FragileParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        if std::env::args_os().nth(1).is_some_and(|command| command == "run") {
+        static CHECKED: AtomicBool = AtomicBool::new(false);
+        let is_run = std::env::args_os().nth(1).is_some_and(|command| command == "run");
+        if is_run && !CHECKED.swap(true, Ordering::Relaxed) {
             return Ok(Self);
         }
         match params.interruption {

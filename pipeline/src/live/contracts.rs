@@ -24,14 +24,13 @@ pub const JOURNAL_DEPTH: usize = 1024;
 /// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
 const RECORDER_BYTES: usize = 8 << 20;
 
-/// Time for which publishers keep what replay needs, s: a flush, the death of the recorder and its restart next to
-/// other work fit into it.
-const RETAINED_SECS: f64 = 5.0;
+/// Time for which publishers keep what replay needs, s: a flush, the death of the recorder and its restart fit into it.
+const RETAINED_SECS: f64 = 2.0;
 /// Activations a second of an operator without a timer before it: what comes over a wire, for one.
 const UNKNOWN_RATE: f64 = 500.0;
 /// The fewest and the most samples that are kept.
 const RETAINED: (usize, usize) = (64, 16_384);
-/// The most bytes that are kept of a topic, and of one whose rate is unknown: 5 s of a depth camera.
+/// The most bytes that are kept of a topic, and of one whose rate is unknown: more than 2 s of a depth camera.
 const RETAINED_BYTES: (usize, usize) = (256 << 20, 64 << 20);
 
 /// The most samples of a topic that one activation sends with memory of its own, and the bytes of larger ones: the calls
@@ -362,14 +361,14 @@ mod tests {
     }
 
     #[test]
-    fn a_recorded_run_keeps_five_seconds_within_bounds_and_another_keeps_nothing() {
+    fn a_recorded_run_keeps_two_seconds_within_bounds_and_another_keeps_nothing() {
         let graph = beats();
         let (plain, retained) = (all(&graph), all_recorded(&graph, u64::MAX));
         assert_eq!(histories(&plain), [0; 3]);
-        assert_eq!(histories(&retained), [5000, RETAINED.0, RETAINED.1]);
+        assert_eq!(histories(&retained), [2000, RETAINED.0, RETAINED.1]);
         // A history that fits into the buffer of the recorder takes nothing more.
         let more = |i: usize| retained[i].pool_bytes() - plain[i].pool_bytes();
-        assert!(more(0) > 0 && more(1) == 0 && more(2) > 3 * more(0));
+        assert!(more(0) > 0 && more(1) == 0 && more(2) > 10 * more(0));
     }
 
     #[test]
