@@ -341,7 +341,7 @@ impl Observer for Watch {
             }
             _ => {}
         }
-        if self.is_done { Err("seen".into()) } else { Ok(()) }
+        if self.is_done { Err(ObserverError::Enough("seen".to_owned())) } else { Ok(()) }
     }
 }
 
