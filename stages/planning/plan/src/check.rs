@@ -235,7 +235,7 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
         }
     }
     let planned = &plan.planned;
-    let hottest = plan.shifted.iter().max_by(|a, b| a.hottest_gy.total_cmp(&b.hottest_gy));
+    let hottest = worst(&plan.shifted, |moved| moved.hottest_gy);
     values.hottest = match hottest {
         Some(moved) if planned.hottest_gy > 0.0 => moved.hottest_gy / planned.hottest_gy,
         _ => 0.0,
@@ -254,7 +254,7 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
         let shifted = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
         let of_planned = |moved: &CheckedDose| moved.of_planned.get(at).copied().unwrap_or_default();
         let lost = |moved: &CheckedDose| of_planned(moved) - shifted(moved);
-        let Some(worst) = plan.shifted.iter().max_by(|a, b| lost(a).total_cmp(&lost(b))) else { continue };
+        let Some(worst) = worst(&plan.shifted, lost) else { continue };
         values.uncovered = values.uncovered.max(lost(worst));
         if !is_within(lost(worst), bounds.uncovered) {
             faults.push(Fault::Uncovered {
@@ -267,6 +267,12 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
         }
     }
     Checked { bounds: *bounds, values, faults }
+}
+
+/// The shift with the greatest value; one that is not a number, of either sign, is worse than all numbers.
+fn worst(shifted: &[CheckedDose], value: impl Fn(&CheckedDose) -> f64) -> Option<&CheckedDose> {
+    let rank = |moved: &CheckedDose| if value(moved).is_nan() { f64::INFINITY } else { value(moved) };
+    shifted.iter().max_by(|a, b| rank(a).total_cmp(&rank(b)))
 }
 
 /// Whether a number is at most a bound; what is not a number is within nothing.
@@ -509,8 +515,11 @@ mod tests {
         assert!(faults(&|plan| plan.beams[0].outside = f64::NAN) > 0);
         assert!(faults(&|plan| plan.monitor_units = Some(f64::NAN)) > 0);
         assert!(faults(&|plan| plan.beams[0].weights[0] = f64::NAN) > 0);
-        assert!(faults(&|plan| plan.shifted[0].hottest_gy = f64::NAN) > 0);
-        assert!(faults(&|plan| plan.shifted[0].covered[0].1 = f64::NAN) > 0);
+        // What a processor makes of zero by zero has the sign of a negative number.
+        for nan in [f64::NAN, -f64::NAN] {
+            assert!(faults(&|plan| plan.shifted[0].hottest_gy = nan) > 0);
+            assert!(faults(&|plan| plan.shifted[0].covered[0].1 = nan) > 0);
+        }
     }
 
     #[test]
