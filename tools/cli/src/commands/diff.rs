@@ -65,7 +65,7 @@ impl Diff {
         let names = [self.first.display().to_string(), self.second.display().to_string()];
         let names = [names[0].as_str(), names[1].as_str()];
         if let Some(path) = &self.page {
-            write_page(path, &found, names)?;
+            write_page(path, &found, names, &[])?;
         }
         if self.json {
             let mut value = serde_json::to_value(&found).map_err(Failure::failed)?;
@@ -82,10 +82,19 @@ impl Diff {
     }
 }
 
-/// Writes the page of a comparison. Only its owner may read it, as a session.
-pub fn write_page(path: &Path, found: &compare::Comparison, names: [&str; 2]) -> Result<(), Failure> {
+/// Writes the page of a comparison, with what was changed in the second one. Only its owner may read it, as a session.
+pub fn write_page(
+    path: &Path,
+    found: &compare::Comparison,
+    names: [&str; 2],
+    changes: &[String],
+) -> Result<(), Failure> {
     let sections = compare::sections(found, names).map_err(Failure::failed)?;
-    let about = format!("Comparison of two sessions by stillpoint {}", env!("CARGO_PKG_VERSION"));
+    let lead = format!("Comparison of two sessions by stillpoint {}", env!("CARGO_PKG_VERSION"));
+    let about = match changes {
+        [] => lead,
+        changes => format!("{lead}. Changed: {}", changes.join("; ")),
+    };
     let page = html::page(&format!("{} and {}", names[0], names[1]), &about, &sections);
     private::create(path)
         .and_then(|mut file| file.write_all(page.as_bytes()))

@@ -178,7 +178,8 @@ impl WhatIfArgs {
         let found = compare::of_sessions([session, &computed], choice, registry).map_err(Failure::failed)?;
         let names = ["recorded", "changed"];
         if let Some(page) = &self.page {
-            write_page(page, &found, names)?;
+            let changes: Vec<String> = done.changes.iter().map(ToString::to_string).collect();
+            write_page(page, &found, names, &changes)?;
         }
         let exit = exit_of(&done);
         if is_json {

@@ -23,7 +23,15 @@ pub fn sections(comparison: &Comparison, names: [&str; 2]) -> Result<Vec<Section
         None if comparison.is_identical() => "Both sessions are the same, to the bit.".to_owned(),
         None => "No topic that both sessions hold differs in its values.".to_owned(),
     };
-    topics = topics.with(Block::Text(first)).with(Block::Table(table(comparison)));
+    topics = topics.with(Block::Text(first));
+    if comparison.topics.iter().any(|topic| !topic.identical) {
+        topics = topics.with(Block::Table(table(comparison)));
+    }
+    let identical: Vec<&str> =
+        comparison.topics.iter().filter(|topic| topic.identical).map(|topic| topic.topic.as_str()).collect();
+    if !identical.is_empty() && !comparison.is_identical() {
+        topics = topics.with(Block::Text(format!("Identical to the bit: {}.", identical.join(", "))));
+    }
     let mut figures = Section::new("figures", "Figures at the end", &comparison.figures)?;
     let mut values = Table::new("Figures of both runs", &["figure", names[0], names[1]]);
     for figure in &comparison.figures {
@@ -83,8 +91,8 @@ fn words(field: &FieldDifference) -> String {
 
 fn table(comparison: &Comparison) -> Table {
     let columns = ["topic", "samples", "differing", "since, s", "field", "unit", "rms", "largest", "at, s"];
-    let mut table = Table::new("Topics that both sessions hold", &columns);
-    for topic in &comparison.topics {
+    let mut table = Table::new("Topics that both sessions hold and that differ", &columns);
+    for topic in comparison.topics.iter().filter(|topic| !topic.identical) {
         let lead = |state: &str| {
             [
                 Cell::text(topic.topic.clone()),
@@ -96,8 +104,7 @@ fn table(comparison: &Comparison) -> Table {
         };
         let none = || [(); 4].map(|()| Cell::number(""));
         if topic.fields.is_empty() {
-            let state = if topic.identical { "identical" } else { "times or number of samples" };
-            table.row(lead(state).into_iter().chain(none()));
+            table.row(lead("times or number of samples").into_iter().chain(none()));
         }
         for field in &topic.fields {
             let number = |value: Option<f64>| Cell::number(value.map_or("-".to_owned(), numbers::short));
