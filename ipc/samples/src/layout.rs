@@ -30,6 +30,23 @@ impl Primitive {
         }
     }
 
+    /// One value out of its little-endian bytes; integers beyond 2^53 are rounded.
+    pub fn as_f64(self, bytes: &[u8]) -> f64 {
+        let mut wide = [0_u8; 8];
+        let n = bytes.len().min(8);
+        wide[..n].copy_from_slice(&bytes[..n]);
+        let bits = u64::from_le_bytes(wide);
+        match self {
+            Self::F64 => f64::from_bits(bits),
+            Self::F32 => f64::from(f32::from_bits(bits as u32)),
+            Self::I8 => f64::from(bits as u8 as i8),
+            Self::I16 => f64::from(bits as u16 as i16),
+            Self::I32 => f64::from(bits as u32 as i32),
+            Self::I64 => bits as i64 as f64,
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits as f64,
+        }
+    }
+
     /// Name of the type in a `ros2msg` schema.
     pub const fn ros_name(self) -> &'static str {
         match self {

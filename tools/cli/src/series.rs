@@ -5,7 +5,7 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 use stillpoint_pipeline::config::near::nearest;
 use stillpoint_recorder::{Session, session_parts};
-use stillpoint_samples::{Diagnostics, Field, Pieces, Primitive, Sample, SampleKind};
+use stillpoint_samples::{Diagnostics, Field, Pieces, Sample, SampleKind};
 
 use crate::exit::Failure;
 
@@ -136,29 +136,13 @@ impl Place {
         match self {
             Self::Element { at, field } => {
                 let bytes = sample.payload.get(*at..*at + field.primitive.size())?;
-                Some(number(field.primitive, bytes))
+                Some(field.primitive.as_f64(bytes))
             }
             Self::Metric(name) => {
                 let view = sample.view::<Diagnostics>().ok()?;
                 view.elements.iter().find(|m| m.name() == name).map(|m| m.value)
             }
         }
-    }
-}
-
-fn number(primitive: Primitive, bytes: &[u8]) -> f64 {
-    let mut wide = [0u8; 8];
-    let n = bytes.len().min(8);
-    wide[..n].copy_from_slice(&bytes[..n]);
-    let bits = u64::from_le_bytes(wide);
-    match primitive {
-        Primitive::F64 => f64::from_bits(bits),
-        Primitive::F32 => f64::from(f32::from_bits(bits as u32)),
-        Primitive::I8 => f64::from(bits as u8 as i8),
-        Primitive::I16 => f64::from(bits as u16 as i16),
-        Primitive::I32 => f64::from(bits as u32 as i32),
-        Primitive::I64 => bits as i64 as f64,
-        _ => bits as f64,
     }
 }
 

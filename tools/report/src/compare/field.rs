@@ -231,7 +231,7 @@ impl Sum {
             .flat_map(|both| {
                 (0..slot.count).filter_map(move |i| {
                     let from = slot.at + i * size;
-                    let number = |bytes: &[u8]| Some(float(slot.primitive, bytes.get(from..from + size)?));
+                    let number = |bytes: &[u8]| Some(slot.primitive.as_f64(bytes.get(from..from + size)?));
                     Some([number(both[0])?, number(both[1])?])
                 })
             })
@@ -340,22 +340,5 @@ fn unit_of(field: &Field, index: usize) -> &'static str {
             }
         }
         _ => field.unit,
-    }
-}
-
-/// A number out of its little-endian bytes.
-fn float(primitive: Primitive, bytes: &[u8]) -> f64 {
-    let mut wide = [0u8; 8];
-    let n = bytes.len().min(8);
-    wide[..n].copy_from_slice(&bytes[..n]);
-    let bits = u64::from_le_bytes(wide);
-    match primitive {
-        Primitive::F64 => f64::from_bits(bits),
-        Primitive::F32 => f64::from(f32::from_bits(bits as u32)),
-        Primitive::I8 => f64::from(bits as u8 as i8),
-        Primitive::I16 => f64::from(bits as u16 as i16),
-        Primitive::I32 => f64::from(bits as u32 as i32),
-        Primitive::I64 => bits as i64 as f64,
-        _ => bits as f64,
     }
 }
