@@ -32,11 +32,13 @@ pub struct Row {
 impl Row {
     /// The row as text.
     pub fn text(&self) -> String {
-        let value = match &self.value {
-            Value::String(text) => text.clone(),
-            other => other.to_string(),
+        let (value, unit) = match (&self.value, self.unit) {
+            (Value::String(text), unit) => (text.clone(), unit),
+            // As people write times.
+            (Value::Number(ns), "ns") => (format!("{}", ns.as_f64().unwrap_or(f64::NAN) / 1e6), "ms"),
+            (other, unit) => (other.to_string(), unit),
         };
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let live = if self.live { ", can be set" } else { "" };
         format!("{}: {value}{unit} ({}{live})", self.parameter, self.from)
     }
