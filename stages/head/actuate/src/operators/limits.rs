@@ -22,28 +22,16 @@ pub struct Limits {
 
 impl Limits {
     pub fn of(params: &BeamParams) -> Self {
-        let BeamParams {
-            position_tolerance,
-            angle_tolerance,
-            drift_tolerance,
-            drift_angle,
-            position_sd,
-            angle_sd,
-            hysteresis,
-            confidence,
-            dwell,
-            ..
-        } = *params;
         Self {
-            position_tolerance,
-            angle_tolerance,
-            drift_tolerance,
-            drift_angle,
-            position_sd,
-            angle_sd,
-            hysteresis,
-            confidence,
-            dwell,
+            position_tolerance: params.position_tolerance,
+            angle_tolerance: params.angle_tolerance,
+            drift_tolerance: params.drift_tolerance,
+            drift_angle: params.drift_angle,
+            position_sd: params.position_sd,
+            angle_sd: params.angle_sd,
+            hysteresis: params.hysteresis,
+            confidence: params.confidence,
+            dwell: params.dwell,
         }
     }
 
