@@ -10,12 +10,18 @@ use stillpoint_network::{Model, Sizes};
 
 use super::{stillpoint, text};
 
-/// Coarse, so that all beams of the ring are made ready in a moment.
-const COARSE: [&str; 4] = ["--grid", "12mm", "--bixel", "20mm"];
+/// Coarse, so that all beams of the ring and the dose of the plan are made ready in a moment.
+const COARSE: [&str; 6] = ["--grid", "12mm", "--bixel", "20mm", "--dose-grid", "5mm"];
+/// Coarse, with the dose on the usual grid.
+const FINE_DOSE: [&str; 4] = ["--grid", "12mm", "--bixel", "20mm"];
 
 fn plan(folder: &Path, arguments: &[&str]) -> Value {
+    plan_of(folder, &[arguments, &COARSE].concat())
+}
+
+fn plan_of(folder: &Path, arguments: &[&str]) -> Value {
     let accepted = ["--accept-check", "too coarse to judge"];
-    let arguments = [&["plan"], arguments, &COARSE, &["--doses", "doses", "--json"], &accepted[..]].concat();
+    let arguments = [&["plan"], arguments, &["--doses", "doses", "--json"], &accepted[..]].concat();
     let out = stillpoint(folder, &arguments);
     assert!(out.status.success(), "{}", text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -451,7 +457,8 @@ fn dicompyler_finds_the_told_figures() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let reported = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "read"]);
+    let asked = [&["--angles", "0,72,144,216,288", "--out", "read"][..], &FINE_DOSE].concat();
+    let reported = plan_of(folder.path(), &asked);
     let files = ["rtstruct.dcm", "rtdose.dcm"].map(|name| folder.path().join("read").join(name));
     let names = ["PTV", "CTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR"];
     let out = Command::new(&python).args(["-c", DICOMPYLER]).args(&files).args(names).output().unwrap();
@@ -563,6 +570,9 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(
         output_text(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100")
     );
+    for length in ["0.5mm", "6mm", "0mm", "2"] {
+        assert!(output_text(&["--dose-grid", length]).contains("--dose-grid"), "{length}");
+    }
     std::fs::write(folder.path().join("file"), "").unwrap();
     let out = output_text(&["--out", "file/plan"]);
     assert!(out.contains("give another folder with --out"), "{out}");

@@ -73,9 +73,13 @@ pub struct PlanArgs {
     #[arg(long)]
     pub(super) fluence_only: bool,
     /// Spacing of the points whose dose is optimised. At the borders of targets it is half of that, and at most a quarter
-    /// of a bixel. The reported dose is recomputed on a finer grid.
+    /// of a bixel. The reported dose is recomputed on a finer grid, that of `--dose-grid`.
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     pub(super) grid: String,
+    /// Spacing of the grid of the reported dose, its figures and the RTDOSE, 1 mm to 5 mm. Default: 2 mm, or four fifths of the
+    /// spacing of the points at the borders of targets where that is finer.
+    #[arg(long, value_name = "LENGTH")]
+    pub(super) dose_grid: Option<String>,
     /// Width of a bixel.
     #[arg(long, value_name = "LENGTH", default_value = "10mm")]
     pub(super) bixel: String,

@@ -63,7 +63,11 @@ impl<'a> Outcome<'a> {
         let case = &request.setup.case;
         let points_mm = request.setup.points_mm();
         let machine = request.setup.spec.machine.clone();
-        let recompute = Recompute::new(case, machine, request.setup.engine().params(), points_mm);
+        let params = request.setup.engine().params();
+        let recompute = match request.dose_grid_mm {
+            Some(spacing_mm) => Recompute::with_spacing(case, machine, params, spacing_mm),
+            None => Recompute::new(case, machine, params, points_mm),
+        };
         let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
             gantry_deg: request.setup.spec.ring.angle_deg(*beam),

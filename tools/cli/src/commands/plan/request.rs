@@ -35,6 +35,8 @@ pub struct Request {
     pub setups_mm: Vec<[f64; 3]>,
     /// What people should know of the protocol.
     pub protocol_note: Option<String>,
+    /// Spacing of the grid of the reported dose, mm, where it is given.
+    pub dose_grid_mm: Option<f64>,
     /// Why a person takes a plan that the check refuses.
     pub accept_check: Option<String>,
     /// Whether fluences are sequenced where the machine has leaves.
@@ -90,6 +92,7 @@ impl Request {
             beams,
             budget,
             protocol_note,
+            dose_grid_mm: given.dose_grid.as_deref().map(dose_grid_mm).transpose()?,
             accept_check: accept_check(given)?,
             leaves: !given.fluence_only,
             out,
@@ -150,6 +153,15 @@ fn inside_mm(given: &PlanArgs) -> Result<f64, Failure> {
     match (0.0..=50.0).contains(&mm) {
         true => Ok(sign * mm),
         false => Err(Failure::wrong(format!("invalid length: {option} {text} (allowed: 0 mm to 50 mm)"))),
+    }
+}
+
+/// Spacing of the grid of the reported dose, mm.
+fn dose_grid_mm(text: &str) -> Result<f64, Failure> {
+    let mm = quantity(text, "mm", &format!("--dose-grid {text}"))?;
+    match (1.0..=5.0).contains(&mm) {
+        true => Ok(mm),
+        false => Err(Failure::wrong(format!("invalid length: --dose-grid {text} (allowed: 1 mm to 5 mm)"))),
     }
 }
 
