@@ -160,6 +160,7 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
             timer: Timer::Required,
         },
         laps: &[],
+        wire: None,
         fields: <() as Params>::FIELDS,
         read: |reader| {
             <() as Params>::read(reader)?;

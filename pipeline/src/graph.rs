@@ -9,7 +9,7 @@ use stillpoint_recorder::RosMessage;
 
 use crate::frames::Frames;
 use crate::operator::ros2::Subscription;
-use crate::operator::{Policy, Stage, TIMING};
+use crate::operator::{Policy, Stage, TIMING, WireForm};
 use crate::params::CheckedParams;
 
 /// A checked pipeline.
@@ -112,6 +112,8 @@ pub struct OperatorNode {
     pub process: usize,
     /// What it is the far end of in a live run, if it is that of a link.
     pub far_end: Option<Wire>,
+    /// The form of the datagrams that come over that link, where its sender gives them one.
+    pub wire_form: Option<WireForm>,
     /// The topics of ROS 2 that it takes in a live run.
     pub subscriptions: Vec<Subscription>,
     /// Files and folders that its params name, relative to the pipeline's file.

@@ -2,6 +2,7 @@
 //! and moves nothing.
 
 use std::net::UdpSocket;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
 use stillpoint_actuate::{Key, LONGEST, Message, Order, Receiving, Safe, Session, encode};
@@ -167,4 +168,62 @@ fn what_is_not_in_order_is_refused_by_its_reason_and_moves_nothing() {
     }
     let replay = bench.call(&["replay", session, "--json"]).good();
     assert_eq!(replay["identical_all"], true);
+}
+
+/// Sends these bytes from four ports of this machine, 40 in a millisecond, until `enough` holds.
+fn flood(address: &str, bytes: &[u8], enough: impl Fn() -> bool) {
+    let sockets: Vec<UdpSocket> = (0..4).map(|_| UdpSocket::bind("127.0.0.1:0").unwrap()).collect();
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) {
+                for i in 0..40 {
+                    // What the kernel has no room for is lost, as on a wire.
+                    let _ = sockets[i % 4].send_to(bytes, address);
+                }
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+        });
+        wait_for("enough of the flood", || enough().then_some(()));
+        is_over.store(true, Ordering::Relaxed);
+    });
+}
+
+#[test]
+fn noise_at_the_port_of_a_far_end_becomes_no_sample_and_a_flood_of_datagrams_costs_no_recording() {
+    let bench = Bench::new();
+    let (file, _) = bedside(&bench);
+    let yaml = std::fs::read_to_string(&file).unwrap();
+    let line = yaml.lines().find(|line| line.contains("far.acknowledgement: { udp:")).unwrap();
+    let address = line.split("udp: ").nth(1).unwrap().split(',').next().unwrap();
+    let run = bench.start(&["run", text(&file), "--host", "main", "--json", "--record", "s"]);
+    let counted = |name: &str| -> Option<f64> {
+        let done = bench.call(&["echo", "--json", "far_acknowledgement.diagnostics", "--count", "1"]);
+        let sample: Value = serde_json::from_str(done.out.lines().next()?).ok()?;
+        let metrics = sample["elements"].as_array()?.clone();
+        metrics.iter().find(|m| m["name"] == name)?["value"].as_f64()
+    };
+    // Not from a far end: another beginning, too short, too long.
+    for noise in [&[0x5a; 120][..], b"SPDA", &[b'S'; 900]] {
+        let first = std::cell::Cell::new(None);
+        flood(address, noise, || {
+            let Some(now) = counted("foreign") else { return false };
+            let start = first.get().unwrap_or(now);
+            first.set(Some(start));
+            now > start + 300.0
+        });
+    }
+    // From one that looks like a far end, much faster than any sends.
+    let mut alike = b"SPDA".to_vec();
+    alike.resize(140, 7);
+    flood(address, &alike, || counted("too_many_127.0.0.1").is_some_and(|now| now > 3000.0));
+    let report = run.stop().good();
+    assert_eq!((&report["balanced"], &report["complete"]), (&true.into(), &true.into()), "{report}");
+    let session = report["session"].as_str().unwrap();
+    let kept = bench.call(&["echo", "--json", "far_acknowledgement.datagram", "--session", session]);
+    let is_alike = |line: &str| {
+        let sample: Value = serde_json::from_str(line).unwrap();
+        sample["count"] == 140 && sample["elements"][4] == 7
+    };
+    assert!(kept.out.lines().count() > 0 && kept.out.lines().all(is_alike), "no other became a sample");
 }

@@ -4,6 +4,7 @@
 //! activations happen and where the bytes of samples stand: this crate knows neither shared memory nor recordings.
 //!
 //! - `operator`: the trait; `kind`: name, ports and timer of a kind; `stage`: the list of kinds that a build knows
+//! - `wire_form`: what the datagrams of a kind look like
 //! - `activation`, `outputs`: what enters a step and what leaves it
 //! - `setup`: what an operator gets when it is made; `files`, `outside`: parts of it
 //! - `params`: typed parameters and their derives
@@ -34,6 +35,7 @@ pub mod pattern;
 pub mod ros2;
 mod setup;
 mod stage;
+mod wire_form;
 
 pub use activation::Activation;
 pub use error::{AdoptError, ParamConflict, SetupError, StepError};
@@ -45,3 +47,4 @@ pub use outputs::Outputs;
 pub use params::{Choice, Params};
 pub use setup::Setup;
 pub use stage::{Build, Registry, SET, SETTINGS, Stage};
+pub use wire_form::WireForm;

@@ -12,6 +12,7 @@ use crate::params::{CheckedParams, Params};
 use crate::ros2::Subscription;
 use crate::setup::Setup;
 use crate::stage::typed;
+use crate::wire_form::WireForm;
 
 /// A deterministic step machine.
 ///
@@ -25,6 +26,9 @@ pub trait Operator: Sized + Send + 'static {
     /// Stages of a step whose times are worth knowing, in the order of their work. The live executor measures them and
     /// sends them as `<operator>.timing`; the step says when one has ended with [`Outputs::lap`].
     const LAPS: &'static [&'static str] = &[];
+    /// The form of the datagrams that it sends, where they have one: the far end of its link then takes no others. Without
+    /// it, the far end takes any datagram.
+    const WIRE: Option<WireForm> = None;
 
     /// Refuses parameters that are each in their range and do not go together. The checker says it with the place, and
     /// [`new`](Operator::new) sees no others.

@@ -1,7 +1,7 @@
 //! Messages that reach sources from outside the pipeline in a live run.
 
-use std::collections::VecDeque;
-use std::net::{IpAddr, SocketAddr};
+use std::collections::{BTreeMap, VecDeque};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use stillpoint_samples::{Command, SettingElement};
@@ -15,6 +15,8 @@ pub const MOST_FROM_ONE: usize = 16;
 pub const MOST_FROM_ADDRESS: usize = 64;
 /// Senders whose datagrams are counted.
 const MOST_SENDERS: usize = 512;
+/// Addresses whose surplus is counted each by itself; that of others counts for the unspecified address.
+const MOST_ADDRESSES: usize = 16;
 
 /// Messages that reach an operator from outside.
 #[derive(Clone, Default)]
@@ -82,6 +84,9 @@ struct Waiting {
     /// Buffers to be used again.
     spare: Vec<Vec<u8>>,
     dropped: u64,
+    foreign: u64,
+    /// How many came from each address above what one may send.
+    above: BTreeMap<IpAddr, u64>,
     /// How many came of each sender since all were taken.
     came: Vec<(SocketAddr, u32)>,
     clock: Option<ClockOffset>,
@@ -167,6 +172,29 @@ impl Arrivals {
         if count > 0 {
             self.waiting().dropped += count;
         }
+    }
+
+    /// Counts a datagram that has not the form of those that the sender of the link sends.
+    pub fn count_foreign(&self) {
+        self.waiting().foreign += 1;
+    }
+
+    /// Counts a datagram of an address that sends more than one may.
+    pub fn count_above(&self, address: IpAddr) {
+        let mut waiting = self.waiting();
+        let is_counted = waiting.above.len() < MOST_ADDRESSES || waiting.above.contains_key(&address);
+        let of = if is_counted { address } else { IpAddr::V6(Ipv6Addr::UNSPECIFIED) };
+        *waiting.above.entry(of).or_default() += 1;
+    }
+
+    /// How many had another form than those of the link's sender, since the last call.
+    pub fn foreign(&self) -> u64 {
+        std::mem::take(&mut self.waiting().foreign)
+    }
+
+    /// How many came from each address above what one may send, since the last call.
+    pub fn above(&self) -> BTreeMap<IpAddr, u64> {
+        std::mem::take(&mut self.waiting().above)
     }
 
     /// States the clock of what arrives from now on.

@@ -15,6 +15,7 @@ use crate::operator::{ErasedOperator, Operator};
 use crate::params::{CheckedParams, ParamField, ParamReader, Params, has_live};
 use crate::ros2::Subscription;
 use crate::setup::Setup;
+use crate::wire_form::WireForm;
 
 /// Makes an operator from its checked parameters.
 pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn ErasedOperator>, SetupError>;
@@ -29,6 +30,8 @@ pub struct Stage {
     pub kind: Kind,
     /// Stages of a step that the live executor measures.
     pub laps: &'static [&'static str],
+    /// The form of the datagrams that it sends, where they have one.
+    pub wire: Option<WireForm>,
     /// Parameters with defaults, units and ranges.
     pub fields: &'static [ParamField],
     /// Reads the parameters of a config; faults go into the reader.
@@ -125,6 +128,7 @@ impl Stage {
         Self {
             kind: WithSettings::<T>::KIND,
             laps: T::LAPS,
+            wire: T::WIRE,
             fields: <T::Params as Params>::FIELDS,
             read: |reader| {
                 let params = <T::Params as Params>::read(reader)?;

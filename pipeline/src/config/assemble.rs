@@ -261,6 +261,7 @@ pub fn graph(
             outputs: outputs.collect(),
             process: process_of[new],
             far_end: parsed.link,
+            wire_form: None,
             subscriptions,
         });
     }
@@ -295,14 +296,17 @@ fn find_pools(operators: &mut [OperatorNode]) -> Vec<PoolNode> {
     pools
 }
 
-/// What comes from another host may be as large as what its producer sends.
+/// What comes from another host may be as large as what its producer sends, and datagrams have the form of their sender.
 fn lay_out_far_ends(operators: &mut [OperatorNode]) {
     for far in 0..operators.len() {
-        if let (Some(Wire::Host(_)), Some(edge)) =
-            (operators[far].far_end, operators[far].inputs.first().and_then(|i| i.edge))
-        {
-            let capacity = operators[edge.operator].outputs[edge.output].capacity;
-            operators[far].outputs[far_end::SAMPLE].capacity = capacity;
+        let Some(edge) = operators[far].inputs.first().and_then(|i| i.edge) else { continue };
+        match operators[far].far_end {
+            Some(Wire::Host(_)) => {
+                let capacity = operators[edge.operator].outputs[edge.output].capacity;
+                operators[far].outputs[far_end::SAMPLE].capacity = capacity;
+            }
+            Some(Wire::Udp(_)) => operators[far].wire_form = operators[edge.operator].stage.wire,
+            Some(Wire::Ros2 | Wire::Pool(_)) | None => {}
         }
     }
 }

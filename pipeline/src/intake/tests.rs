@@ -40,6 +40,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
             given: [].into(),
         },
         far_end: None,
+        wire_form: None,
         subscriptions: Vec::new(),
         files: Vec::new(),
         every,

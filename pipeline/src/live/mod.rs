@@ -42,6 +42,7 @@ pub mod log;
 mod missed;
 mod pipe;
 mod ports;
+mod rate_limit;
 mod recorder;
 mod report;
 mod reservation;

@@ -1,5 +1,7 @@
 //! The two ends of links in a live run: a transport beside the ports of an operator.
 
+use std::time::Instant;
+
 use stillpoint_samples::Pieces;
 use stillpoint_shm::{Domain, ShmError};
 use stillpoint_transport::{Channel, Datagrams, LinkRefusal, LinkState, Sender, Transport, TransportError};
@@ -7,7 +9,9 @@ use stillpoint_transport::{Channel, Datagrams, LinkRefusal, LinkState, Sender, T
 use super::contracts;
 use super::error::WorkerError;
 use super::landing::{Inflow, Landing};
+use super::rate_limit::RateLimit;
 use crate::graph::{Graph, OperatorNode, Wire};
+use crate::operator::WireForm;
 use crate::outside::{Arrivals, MOST_DATAGRAMS};
 use crate::{far_end, pool_client};
 
@@ -49,6 +53,9 @@ pub struct LinkReceiver {
     place: String,
     receiver: Inflow,
     arrivals: Arrivals,
+    /// The form of its datagrams, where they have one.
+    form: Option<WireForm>,
+    limit: RateLimit,
     buffer: Vec<u8>,
     /// The refusal that was told last.
     refusal: Option<LinkRefusal>,
@@ -82,6 +89,8 @@ impl LinkReceiver {
             place: node.name.clone(),
             receiver,
             arrivals: Arrivals::at_most(most),
+            form: node.wire_form,
+            limit: RateLimit::default(),
             buffer: Vec::new(),
             refusal: None,
         }))
@@ -106,6 +115,17 @@ impl LinkReceiver {
             let Some((origin, clock)) = received else { break };
             if let Some(clock) = clock {
                 self.arrivals.set_clock(clock);
+            }
+            if let Some(sender) = origin.sender {
+                // What nobody sends who sends over this link is counted, and never becomes a sample.
+                if self.form.is_some_and(|form| !form.fits(&self.buffer)) {
+                    self.arrivals.count_foreign();
+                    continue;
+                }
+                if !self.limit.passes(sender, Instant::now()) {
+                    self.arrivals.count_above(sender.ip());
+                    continue;
+                }
             }
             self.arrivals.put(origin.sender, &mut self.buffer);
         }

@@ -21,6 +21,7 @@
 //!
 //! Its first bytes differ from those of an order, so neither is taken for the other under the one key.
 
+use stillpoint_operator::WireForm;
 use stillpoint_samples::FarEndDoing;
 
 use crate::key::{Key, MAC_SIZE};
@@ -40,6 +41,8 @@ pub const SHORTEST: usize = HEADER + MAC_SIZE;
 const MAGIC: [u8; 4] = *b"SPDA";
 const HEADER: usize = 88;
 const FORM: Form = Form { magic: MAGIC, version: VERSION, header: HEADER, count: 7, most: PRESSURES };
+/// What an acknowledgement looks like from outside.
+pub const WIRE: WireForm = WireForm { beginning: &MAGIC, shortest: SHORTEST, longest: LONGEST };
 
 /// What the far end says.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,6 +20,8 @@
 //!
 //! A message has one encoding, so that a datagram that differs in any bit is another one, or none.
 
+use stillpoint_operator::WireForm;
+
 use crate::key::{Key, MAC_SIZE};
 use crate::message::{LONGEST_LIFE, Message, Order, Receiving, Safe, Session, VALVES};
 use crate::refusal::DatagramRefusal;
@@ -35,6 +37,8 @@ pub const SHORTEST: usize = HEADER + MAC_SIZE;
 const MAGIC: [u8; 4] = *b"SPDG";
 const HEADER: usize = 52;
 const FORM: Form = Form { magic: MAGIC, version: VERSION, header: HEADER, count: 48, most: VALVES };
+/// What an order looks like from outside.
+pub const WIRE: WireForm = WireForm { beginning: &MAGIC, shortest: SHORTEST, longest: LONGEST };
 const MICROSECOND: u64 = 1_000;
 
 /// Why a message cannot be sent.

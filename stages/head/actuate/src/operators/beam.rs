@@ -1,6 +1,6 @@
 //! `gate.beam`: the lease of the beam.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, WireForm};
 use stillpoint_operator::{
     AdoptError, FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
@@ -13,7 +13,7 @@ use stillpoint_samples::{
 use super::limits::Limits;
 use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
-use crate::datagram::LONGEST;
+use crate::datagram::{self, LONGEST};
 use crate::drift::{Drift, DriftLimits};
 use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 use crate::lease::{Lease, LeaseRules};
@@ -139,6 +139,7 @@ const METRICS: usize = 9;
 
 impl Operator for GateBeam {
     type Params = BeamParams;
+    const WIRE: Option<WireForm> = Some(datagram::WIRE);
     const KIND: Kind = Kind {
         name: "gate.beam",
         about: "Gives the lease of the beam, and renews it only while the head is within the tolerances of its target.",

@@ -1,6 +1,6 @@
 //! `actuate.far_end`: datagrams to duties, where the valves are.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, WireForm};
 use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
@@ -72,6 +72,7 @@ pub struct ActuateFarEnd {
 
 impl Operator for ActuateFarEnd {
     type Params = FarEndParams;
+    const WIRE: Option<WireForm> = Some(acknowledgement::WIRE);
     const KIND: Kind = Kind {
         name: "actuate.far_end",
         about: "Obeys the datagrams for valves and beam while they are valid, and else takes the safe state.",

@@ -1,6 +1,6 @@
 //! `actuate.valves`: duties to datagrams.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, WireForm};
 use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
@@ -13,7 +13,7 @@ use stillpoint_samples::{
 use super::params::{FreshnessParams, check_life, extrinsic, key};
 use super::watch::{ACKNOWLEDGEMENT, COMMAND, CONTACTS, MEASURED, REFERENCE, STATE, Watch};
 use crate::answer::{AnswerParams, AnswerWatch, Answered};
-use crate::datagram::LONGEST;
+use crate::datagram::{self, LONGEST};
 use crate::drive::{Drive, Driven};
 use crate::extrinsic::{ExtrinsicParams, Need};
 use crate::far_watch::{FarWatch, FarWatchParams};
@@ -109,6 +109,7 @@ const fn person(name: &'static str, required: bool, about: &'static str) -> Inpu
 
 impl Operator for ActuateValves {
     type Params = ValvesParams;
+    const WIRE: Option<WireForm> = Some(datagram::WIRE);
     const KIND: Kind = Kind {
         name: "actuate.valves",
         about: "Sends duties to the valves as datagrams, within limits and only while armed, and else the safe state.",
