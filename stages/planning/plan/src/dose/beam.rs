@@ -94,6 +94,17 @@ impl Aim {
         engine.outline.pencil(&self.frame, centre_mm, params.bixels.width_mm, patient, &engine.machine)
     }
 
+    /// Centres of the fluence of all bixels (mm), with the fluence of weight 1.
+    pub fn bixels_with_fluence(&self, engine: &DoseEngine) -> Vec<([f64; 2], f32)> {
+        let of = |bixel: &[f64; 2]| (self.centre_mm(*bixel), self.fluence(engine, *bixel));
+        self.bixels_mm.iter().map(of).collect()
+    }
+
+    /// Where the fluence of a bixel is centred, mm.
+    pub fn centre_mm(&self, bixel_mm: [f64; 2]) -> [f64; 2] {
+        bixel_mm.map(|mm| mm + f64::from(self.offset_mm))
+    }
+
     /// Fluence of a bixel of weight 1.
     pub fn fluence(&self, engine: &DoseEngine, bixel_mm: [f64; 2]) -> f32 {
         match engine.params.fluence {

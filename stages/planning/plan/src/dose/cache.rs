@@ -4,6 +4,7 @@ use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
 use super::machine::MachineFile;
+use super::name::EngineName;
 use crate::Rows;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
@@ -199,6 +200,8 @@ impl DoseEngine {
 
 /// Raised with every change that gives other doses for the same inputs.
 const METHOD: &[u8] = b"stillpoint pencil beam 2";
+/// The same for doses by superposition.
+const SUPERPOSITION: &[u8] = b"stillpoint superposition 1";
 
 /// Hash of everything that an engine's doses depend on.
 fn engine_key(engine: &DoseEngine) -> Key {
@@ -221,11 +224,18 @@ fn engine_key(engine: &DoseEngine) -> Key {
         hash.update((bytes.len() as u64).to_le_bytes());
         hash.update(bytes);
     };
-    part(METHOD);
+    let is_pencil = params.engine == EngineName::Pencil;
+    part(if is_pencil { METHOD } else { SUPERPOSITION });
     // Debug output of numbers is exact: the shortest text that reads back as the same number.
     // Doses of bixels are those of the open field: they do not depend on the leaves.
-    let open = MachineFile { collimator: None, ..machine.file().clone() };
-    part(format!("{open:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}").as_bytes());
+    let mut open = MachineFile { collimator: None, ..machine.file().clone() };
+    if is_pencil {
+        open.superposition = None;
+    }
+    let text = format!("{open:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}");
+    // Pencil beams keep the names that they had before there was another method.
+    let text = text.replace(", superposition: None }", " }").replace(", engine: Pencil }", " }");
+    part(text.as_bytes());
     // The doses of patients who lie head first and supine keep the names of their files.
     if !position.is_default() {
         part(position.term().as_bytes());

@@ -12,6 +12,7 @@ use super::error::DoseError;
 use super::kernel::STEP_MM;
 use super::machine::COMPONENTS;
 use super::outline::{Carried, Pencil};
+use super::superposition;
 use stillpoint_patient::couch::Motion;
 
 impl DoseEngine {
@@ -56,6 +57,14 @@ impl DoseEngine {
         let (found, expected) = (weights.len(), aim.bixels_mm.len());
         if found != expected {
             return Err(DoseError::Weights { gantry_deg, expected, found });
+        }
+        if let Some(section) = self.superposition()? {
+            let of = |(bixel_mm, weight): (&[f64; 2], &f64)| {
+                (aim.centre_mm(*bixel_mm), *weight as f32 * aim.fluence(self, *bixel_mm))
+            };
+            let weighted = aim.bixels_mm.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
+            let bixels: Vec<([f64; 2], f32)> = weighted.map(of).collect();
+            return Ok(superposition::weighted(self, &aim.frame, section, &bixels));
         }
         let mut dose = vec![0.0; self.rows()];
         let (mut inside, mut edge) = (Vec::new(), Vec::new());

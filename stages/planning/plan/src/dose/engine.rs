@@ -7,7 +7,9 @@ use super::depth::corners;
 use super::error::DoseError;
 use super::frame::BeamFrame;
 use super::machine::Machine;
+use super::name::EngineName;
 use super::outline::Outline;
+use super::superposition::{self, Superposition};
 use crate::threads::on_threads;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
@@ -40,6 +42,8 @@ pub struct DoseParams {
     pub fluence: Fluence,
     /// Distance from a bixel's axis, on the isocentre plane, beyond which it gives no dose, mm.
     pub cutoff_mm: f64,
+    /// The method.
+    pub engine: EngineName,
 }
 
 impl DoseParams {
@@ -50,6 +54,7 @@ impl DoseParams {
             bixels: BixelSpec::of_width(10.0),
             fluence: Fluence::Uniform,
             cutoff_mm: 50.0,
+            engine: EngineName::Pencil,
         }
     }
 }
@@ -123,6 +128,9 @@ impl DoseEngine {
         length("the external contour's mask", anatomy.external.len())?;
         length("the target's mask", anatomy.target.len())?;
         check_numbers(&params, anatomy.isocentre_mm, [0.0; 3], machine.file().sad_mm)?;
+        if params.engine == EngineName::Superposition && machine.file().superposition.is_none() {
+            return Err(DoseError::NoKernels);
+        }
 
         let target_mm = bixels::with_margin(image, anatomy.target, params.bixels.margin_mm);
         if target_mm.is_empty() {
@@ -214,7 +222,21 @@ impl DoseEngine {
 
     /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).
     pub fn beam(&self, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
-        beam::influence(self, self.checked_angle(gantry_deg)?)
+        let gantry_deg = self.checked_angle(gantry_deg)?;
+        match self.superposition()? {
+            None => beam::influence(self, gantry_deg),
+            Some(section) => superposition::influence(self, gantry_deg, section),
+        }
+    }
+
+    /// Spectrum and kernels, where dose is computed by superposition.
+    pub(super) fn superposition(&self) -> Result<Option<&Superposition>, DoseError> {
+        match self.params.engine {
+            EngineName::Pencil => Ok(None),
+            EngineName::Superposition => {
+                self.machine.file().superposition.as_ref().map(Some).ok_or(DoseError::NoKernels)
+            }
+        }
     }
 
     pub(super) fn checked_angle(&self, gantry_deg: f64) -> Result<f64, DoseError> {

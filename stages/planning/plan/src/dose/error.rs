@@ -61,6 +61,12 @@ pub enum DoseError {
         "no voxel of the target is inside the outline of the patient: check that both are drawn on the same images"
     )]
     TargetOutside,
+    /// The machine file has no point kernels.
+    #[error(
+        "the machine file has no section `superposition`, so dose cannot be computed by superposition: make one with \
+         `tools/research/kernels`, or take `--engine pencil`"
+    )]
+    NoKernels,
     /// There is nothing that stops a beam.
     #[error(
         "the outline of the patient holds nothing but air: its greatest density is {greatest:.3} of water (allowed: above 0.1); check the Hounsfield units of the images"

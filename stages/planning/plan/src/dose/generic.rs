@@ -31,7 +31,7 @@ const REFERENCE_DOSE: f64 = 0.76065;
 const CELL_MM: f64 = 0.5;
 
 impl MachineFile {
-    /// What the project's machine file holds; [`Machine::shipped`] reads that file.
+    /// What the project's machine file holds beside the section `superposition`; [`Machine::shipped`] reads that file.
     ///
     /// [`Machine::shipped`]: super::Machine::shipped
     pub fn generic_6mv() -> Self {
@@ -64,6 +64,7 @@ impl MachineFile {
             // Thomas, Br. J. Radiol. 72 (1999) 781: 1 + HU/1000 up to 100, then 1.052 + 0.00048 HU.
             hu_to_density: vec![[-1000.0, 0.0], [100.0, 1.1], [3000.0, 2.492]],
             collimator: Some(Collimator::generic()),
+            superposition: None,
         }
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::collimator::Collimator;
+use super::superposition::Superposition;
 use stillpoint_patient::case::Case;
 
 /// A photon beam of a linear accelerator, as the file writes it.
@@ -40,6 +41,9 @@ pub struct MachineFile {
     /// The multileaf collimator; without one, fluences are not sequenced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub collimator: Option<Collimator>,
+    /// Spectrum and point kernels; without them, there is no dose by superposition.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub superposition: Option<Superposition>,
 }
 
 /// A machine that holds together. Only this one computes dose.
@@ -98,7 +102,8 @@ impl MachineFile {
 }
 
 impl Machine {
-    /// The machine that comes with the project: generic 6 MV photons, made by [`MachineFile::generic_6mv`].
+    /// The machine that comes with the project: generic 6 MV photons, made by [`MachineFile::generic_6mv`], with spectrum
+    /// and point kernels of `tools/research/kernels`.
     pub fn shipped() -> Result<Self, MachineError> {
         Self::from_json(include_str!("../../data/generic_6mv.json"))
     }
@@ -143,6 +148,7 @@ impl Machine {
             }
         }
         file.collimator.iter().try_for_each(Collimator::check)?;
+        file.superposition.iter().try_for_each(Superposition::check)?;
         Ok(Self(file))
     }
 
@@ -201,7 +207,7 @@ impl Machine {
     }
 }
 
-pub(super) fn in_range(
+pub(crate) fn in_range(
     field: &'static str,
     value: f64,
     range: std::ops::RangeInclusive<f64>,
@@ -210,7 +216,7 @@ pub(super) fn in_range(
     if range.contains(&value) { Ok(()) } else { Err(MachineError::Number { field, value, must }) }
 }
 
-pub(super) fn size(
+pub(crate) fn size(
     field: &'static str,
     found: usize,
     range: std::ops::RangeInclusive<usize>,
@@ -226,7 +232,7 @@ pub(super) fn size(
     Err(MachineError::Size { field, found, must })
 }
 
-pub(super) fn rising(field: &'static str, values: &[f64]) -> Result<(), MachineError> {
+pub(crate) fn rising(field: &'static str, values: &[f64]) -> Result<(), MachineError> {
     size(field, values.len(), TABLE)?;
     for &value in values {
         in_range(field, value, -1e5..=1e5, "a number between -100000 and 100000")?;
@@ -277,6 +283,7 @@ mod tests {
             kernels_per_mm2: vec![vec![vec![1.0, 0.0]]; 3],
             hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
             collimator: None,
+            superposition: None,
         }
     }
 

@@ -1,12 +1,13 @@
-//! The dose of photon beams, by pencil beams.
+//! The dose of photon beams, by pencil beams or by superposition.
 //!
-//! The method is that of Bortfeld, Schlegel and Rhein, Med. Phys. 20 (1993) 311: the fluence of each bixel is folded with
+//! The method of pencil beams is that of Bortfeld, Schlegel and Rhein, Med. Phys. 20 (1993) 311: the fluence of each bixel is folded with
 //! three kernels, each with a depth dose of its own, over the water that lies between the source and the voxel.
 //!
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
 //! - `collimator`: the leaves of the machine
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `beam`: one beam, bixel by bixel
+//! - `name`: the two methods; `superposition`: the one that knows air and lung
 //! - `delivered`: the dose of a weighted beam, without a matrix
 //! - `bixels`: where the bixels of a beam stand
 //! - `kernel`: the lateral dose of a bixel
@@ -32,9 +33,11 @@ pub(crate) mod frame;
 mod generic;
 mod kernel;
 mod machine;
+mod name;
 mod outline;
 mod portable;
 mod siddon;
+mod superposition;
 
 pub use beam::BeamInfluence;
 pub use bixels::{BixelCentre, BixelSpec};
@@ -44,4 +47,6 @@ pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};
 pub use machine::{Machine, MachineError, MachineFile};
+pub use name::{EngineName, UnknownEngine};
 pub use portable::PortableError;
+pub use superposition::{PointKernels, Superposition};

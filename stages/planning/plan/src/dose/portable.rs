@@ -1,7 +1,7 @@
 //! An engine as bytes, so that another process computes the same doses.
 //!
-//! All numbers are little endian. In this order: `SPENGN02`; the machine file as JSON; the dose grid (three counts, three
-//! spacings, three places, mm); width, margin and centre of bixels; fluence; cutoff; isocentre; position of the patient
+//! All numbers are little endian. In this order: `SPENGN03`; the machine file as JSON; the dose grid (three counts, three
+//! spacings, three places, mm); width, margin and centre of bixels; fluence; method; cutoff; isocentre; position of the patient
 //! (DICOM term); greatest spacing of the image; shift; how far bixels run within the outline; then the arrays: density,
 //! voxels, points of the target, samples where there are some, and the outline: its grid like that of the dose, and its
 //! voxels, eight to a byte. A text or an array begins with its length, u64.
@@ -15,17 +15,18 @@ use super::bixels::{BixelCentre, BixelSpec};
 use super::engine::{DoseEngine, DoseParams, Fluence, check_grid, check_numbers};
 use super::error::DoseError;
 use super::machine::{Machine, MachineError};
+use super::name::EngineName;
 use super::outline::Outline;
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Mask, PatientPosition};
 
-const MAGIC: &[u8; 8] = b"SPENGN02";
+const MAGIC: &[u8; 8] = b"SPENGN03";
 
 /// Why bytes are no engine.
 #[derive(Debug, Error)]
 pub enum PortableError {
     /// They are something else.
-    #[error("these bytes are not a dose engine of version 2")]
+    #[error("these bytes are not a dose engine of version 3")]
     Magic,
     /// They end too early, or go on behind the end.
     #[error("the bytes of a dose engine end at {end}, but its {part} needs others")]
@@ -66,7 +67,7 @@ impl DoseEngine {
             samples,
             shift_mm,
         } = self;
-        let DoseParams { grid, bixels, fluence, cutoff_mm } = params;
+        let DoseParams { grid, bixels, fluence, cutoff_mm, engine } = params;
         let mut bytes = MAGIC.to_vec();
         let mut array = |part: &[u8], count: usize| {
             bytes.extend((count as u64).to_le_bytes());
@@ -83,6 +84,7 @@ impl DoseEngine {
             u64::from(bixels.centre == BixelCentre::Offset),
             u64::from(*fluence == Fluence::OpenField),
             u64::from(samples.is_some()),
+            u64::from(*engine == EngineName::Superposition),
         ];
         let counts = grid.counts.map(|count| count as u64);
         array(counts.as_bytes(), counts.len());
@@ -119,8 +121,8 @@ impl DoseEngine {
         let kinds: Vec<u64> = parts.array("kinds")?;
         let numbers: Vec<f64> = parts.array("numbers")?;
         let position = String::from_utf8(parts.array("position")?).ok();
-        let (Ok(counts), Ok([offset, open, sampled]), Ok(numbers)) =
-            (<[u64; 3]>::try_from(counts), <[u64; 3]>::try_from(kinds), <[f64; 17]>::try_from(numbers))
+        let (Ok(counts), Ok([offset, open, sampled, superposed]), Ok(numbers)) =
+            (<[u64; 3]>::try_from(counts), <[u64; 4]>::try_from(kinds), <[f64; 17]>::try_from(numbers))
         else {
             return Err(PortableError::Part("number of parameters"));
         };
@@ -141,6 +143,7 @@ impl DoseEngine {
                 },
                 fluence: if open == 0 { Fluence::Uniform } else { Fluence::OpenField },
                 cutoff_mm: numbers[8],
+                engine: if superposed == 0 { EngineName::Pencil } else { EngineName::Superposition },
             },
             image_spacing_mm: numbers[9],
             isocentre_mm: three(10),
@@ -163,6 +166,7 @@ impl DoseEngine {
 
     fn check(&self) -> Result<(), PortableError> {
         check_numbers(&self.params, self.isocentre_mm, self.shift_mm, self.machine.file().sad_mm)?;
+        self.superposition()?;
         let voxels = self.params.grid.len();
         let rising = |list: &[u32]| {
             list.windows(2).all(|pair| pair[0] < pair[1])

@@ -1,0 +1,36 @@
+//! Dose of the charged particles that photons of the source set free.
+
+use super::field::Field;
+use super::fluence::FluenceMap;
+use super::gather::{Cell, Gather};
+use super::section::Superposition;
+use crate::dose::engine::DoseEngine;
+use crate::dose::frame::BeamFrame;
+
+/// Longest way of a charged particle, through lung and air, mm.
+pub(super) const REACH_MM: f64 = 150.0;
+
+/// Adds the dose of a fluence to the rows of the engine, MeV/g.
+pub(super) fn add(
+    engine: &DoseEngine,
+    frame: &BeamFrame,
+    section: &Superposition,
+    field: &Field,
+    map: &FluenceMap,
+    dose: &mut [f32],
+) {
+    let grid = &engine.params.grid;
+    let mut cells: Vec<Cell> = engine.density.iter().map(|density| [*density, 0.0]).collect();
+    for voxel in &field.voxels {
+        let fluence = map.mean(voxel.plane_mm.map(f64::from), f64::from(voxel.side_mm));
+        cells[voxel.voxel as usize][1] = voxel.terma[0] * fluence as f32;
+    }
+    let gather = Gather::new(grid, frame, &section.primary, REACH_MM);
+    for voxel in &field.voxels {
+        if engine.voxels.binary_search(&voxel.voxel).is_ok() {
+            let level = gather.level(voxel.hardening);
+            let place = grid.voxel(voxel.voxel as usize);
+            dose[engine.row_of(voxel.voxel) as usize] += gather.at(&cells, place, level);
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! Dose by superposition: against Monte Carlo, its calibration, its bytes, and its columns against its beams.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod beams;
+mod columns;
+mod monte_carlo;
+mod phantoms;
