@@ -84,10 +84,10 @@ impl Rows {
             Says::Tracker => set::<PoseReport>(&mut self.report, pieces),
         }
         let state = self.state();
-        let is_due = self.last.is_none_or(|(at, before)| {
+        let adds = self.last.is_none_or(|(at, before)| {
             stamp.saturating_sub(at) >= self.interval || (before != state && stamp >= at)
         });
-        if is_due {
+        if adds {
             self.last = Some((stamp, state));
             let row = self.row(stamp.saturating_sub(base) as f64 * 1e-9);
             self.made.push(row);
