@@ -25,6 +25,7 @@
 //! - `settings`: parameters that people change while it runs
 //! - `view`: the page of a run and of its session, in a browser
 //! - `browser`: a browser without a window
+//! - `planted`: faults that are planted in loops, and what names them
 //! - `unheard`: runs whose words nobody hears
 //! - `refusals`: what `run` refuses
 //! - `hung`: a recorder that hangs
@@ -51,6 +52,7 @@ mod ledger;
 mod link;
 mod live;
 mod looking;
+mod planted;
 mod recording;
 mod refusals;
 mod releases;

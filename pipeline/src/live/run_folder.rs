@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
+use crate::clock::SessionClock;
 use crate::files::Snapshot;
 use crate::settings::TakenChange;
 
@@ -116,6 +117,8 @@ pub struct RunCard {
     pub pipeline: String,
     /// Process number of the supervisor.
     pub pid: u32,
+    /// The session's clock.
+    pub clock: SessionClock,
     /// Text of the pipeline.
     pub source: String,
     /// Name of its file.

@@ -189,6 +189,7 @@ impl Supervisor {
         self.folder.publish(&RunCard {
             pipeline: self.graph.name.clone(),
             pid: std::process::id(),
+            clock: self.clock,
             source: self.source.text.clone(),
             file: self.source.file.clone(),
             sets: self.source.sets.clone(),

@@ -97,6 +97,7 @@ impl Watch {
             processes: Some(rows(&self.attached, &mut self.before)),
             changed: self.settings.changed(graph),
             recorder: self.attached.session.as_deref().map(RecorderRow::of),
+            clock_set_s: Some(self.attached.card.clock.set_ahead() as f64 * 1e-9),
         };
         Ok(Snapshot::of(parts))
     }

@@ -99,6 +99,7 @@ impl Past {
             processes: None,
             changed: Vec::new(),
             recorder: None,
+            clock_set_s: None,
         });
         state(&snapshot, &self.slow, self.base).ok()
     }
