@@ -28,6 +28,12 @@ impl SessionClock {
         self.realtime_start + read(ClockId::Monotonic).saturating_sub(self.monotonic_start)
     }
 
+    /// How far the system's clock was set ahead since the session started, ns; below 0: back. Session time does not follow it.
+    pub fn set_ahead(&self) -> i64 {
+        // Both are times of this century.
+        read(ClockId::Realtime) as i64 - self.now() as i64
+    }
+
     /// Session time at which the session started.
     pub fn started(&self) -> u64 {
         self.realtime_start

@@ -15,8 +15,9 @@ use crate::operator::{ErasedOperator, SetupError, StepError};
 use crate::operator::{Files, Setup};
 use crate::outputs::Outputs;
 use crate::outside::Outside;
+use crate::params::SetError;
 use crate::record::Record;
-use crate::settings::Settings;
+use crate::settings::{Settings, TakenChange, with_changes};
 
 /// One incarnation of an operator.
 pub struct OperatorInstance {
@@ -54,18 +55,20 @@ struct Sent {
 }
 
 impl OperatorInstance {
-    /// Makes an incarnation of operator number `operator`.
+    /// Makes an incarnation of operator number `operator`, which begins with the `changes` that earlier ones took.
     pub fn build(
         graph: &Graph,
         operator: usize,
         incarnation: u32,
         files: &dyn Files,
         outside: Outside,
+        changes: &[TakenChange],
     ) -> Result<Self, SetupError> {
-        let node = &graph.operators[operator];
+        let refused = |e: SetError| SetupError(format!("it cannot begin with the changes before: {e}"));
+        let node = &with_changes(&graph.operators[operator], changes).map_err(refused)?;
         Ok(Self {
             step: build_step(graph, node, files, outside)?,
-            settings: Settings::of(node),
+            settings: Settings::of(node, changes),
             kinds: node
                 .stage
                 .kind
@@ -97,12 +100,18 @@ impl OperatorInstance {
         self.key.incarnation
     }
 
+    /// The changes of parameters that this incarnation and those before it took, the oldest first.
+    pub fn changes(&self) -> &[TakenChange] {
+        self.settings.as_ref().map_or(&[], Settings::changes)
+    }
+
     /// The reason of the last activation that failed.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
     }
 
-    /// The entry that marks the beginning or the end of the incarnation.
+    /// The entry that marks the beginning or the end of the incarnation. The tick of a beginning is the number of changes of
+    /// parameters that it begins with.
     pub fn mark(&mut self, cause: Cause, time: u64, inputs: &[JournalRef]) -> Entry {
         let mut refs = inputs.to_vec();
         if cause == Cause::End {
@@ -113,7 +122,8 @@ impl OperatorInstance {
                     .map(|(port, sent)| output_ref(port, sent, 0, self.key.incarnation)),
             );
         }
-        let record = Record { time, nominal: time, tick: 0, cause, port: 0, inputs: Vec::new() };
+        let tick = if cause == Cause::Start { self.changes().len() as u64 } else { 0 };
+        let record = Record { time, nominal: time, tick, cause, port: 0, inputs: Vec::new() };
         self.entry(&record, time, Outcome::Done, refs)
     }
 

@@ -57,7 +57,7 @@ pub mod schedule;
 pub mod session;
 pub mod session_files;
 pub mod session_recorder;
-mod settings;
+pub mod settings;
 pub mod simulated;
 pub mod stdout;
 pub mod what_if;

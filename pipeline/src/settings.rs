@@ -1,5 +1,7 @@
-//! The live parameters of one incarnation of an operator: a change, its check, and its answer.
+//! The live parameters of an operator: a change, its check, and its answer. What an operator took holds over its restarts:
+//! a new incarnation begins with the changes of the one before, and its first entry says with how many.
 
+use serde::{Deserialize, Serialize};
 use stillpoint_samples::{Header, SettingAnswerElement, SettingElement, filled};
 
 use crate::graph::{Edge, Graph, OperatorNode};
@@ -8,6 +10,36 @@ use crate::params::{self, CheckedParams};
 
 /// From the sending of a change to the activation that takes it, ns: no operator takes it at the time at which it is sent.
 const DELAY: u64 = 1;
+
+/// A change that an operator took.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TakenChange {
+    /// The parameter, such as `proportional`.
+    pub parameter: String,
+    /// The value as a config would write it.
+    pub value: String,
+}
+
+impl TakenChange {
+    /// The change of an answer; `None` where it was refused.
+    pub fn of(answer: &SettingAnswerElement) -> Option<Self> {
+        let (_, parameter) = answer.path().split_once('.')?;
+        let taken = || Self { parameter: parameter.to_owned(), value: answer.value().to_owned() };
+        answer.refusal().is_none().then(taken)
+    }
+}
+
+/// An operator with the parameters that changes leave, oldest first.
+///
+/// # Errors
+/// A change does not fit the operator: it is one of another build.
+pub fn with_changes(node: &OperatorNode, changes: &[TakenChange]) -> Result<OperatorNode, params::SetError> {
+    let mut node = node.clone();
+    for change in changes {
+        node.params = params::changed(&node.stage, &node.params, &change.parameter, &change.value)?;
+    }
+    Ok(node)
+}
 
 /// Why a change is not taken.
 #[derive(Debug, thiserror::Error)]
@@ -30,12 +62,13 @@ pub struct Settings {
     every: Option<u64>,
     output: usize,
     params: CheckedParams,
-    generation: u64,
+    /// All changes that were taken, those of earlier incarnations first.
+    changes: Vec<TakenChange>,
 }
 
 impl Settings {
-    /// The parameters of an operator; `None`: none of them is live.
-    pub fn of(node: &OperatorNode) -> Option<Self> {
+    /// The parameters of an operator that has taken `changes`; `None`: none of them is live.
+    pub fn of(node: &OperatorNode, changes: &[TakenChange]) -> Option<Self> {
         let output = node.stage.settings_output()?;
         Some(Self {
             operator: node.name.clone(),
@@ -43,8 +76,13 @@ impl Settings {
             every: node.every,
             output,
             params: node.params.clone(),
-            generation: 0,
+            changes: changes.to_vec(),
         })
+    }
+
+    /// All changes that were taken, those of earlier incarnations first.
+    pub fn changes(&self) -> &[TakenChange] {
+        &self.changes
     }
 
     /// Takes a change, with the header of its sample. `from` is the number of the next activation. Gives the answer and its
@@ -62,11 +100,11 @@ impl Settings {
         }
         let taken = self.adopt(path, change.value(), operator);
         if taken.is_ok() {
-            self.generation += 1;
+            self.changes.push(TakenChange { parameter: path.to_owned(), value: change.value().to_owned() });
         }
         let answer = SettingAnswerElement {
             setting: header.sequence,
-            generation: self.generation,
+            generation: self.changes.len() as u64,
             from,
             console_incarnation: header.incarnation,
             taken: u32::from(taken.is_ok()),

@@ -273,9 +273,12 @@ fn a_page_of_a_run_shows_what_top_shows_follows_it_and_takes_no_commands() {
     });
     let get = |path: &str| ask(&address, &format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n\r\n"), "");
     let html = get("/");
-    assert!(html.starts_with("HTTP/1.1 200 OK") && html.contains("<script src=\"page.js\">"), "{html}");
+    assert!(html.starts_with("HTTP/1.1 200 OK") && html.contains("src=\"page.js\"></script>"), "{html}");
     assert!(html.contains("Content-Security-Policy: default-src 'self'"), "{html}");
     assert!(get("/page.js").contains("new EventSource(\"events\")"));
+    for file in ["page.css", "tables.js", "charts.js", "head.js", "commands.js"] {
+        assert!(get(&format!("/{file}")).starts_with("HTTP/1.1 200 OK"), "{file}");
+    }
     let body = |answer: &str| answer.split_once("\r\n\r\n").unwrap().1.to_owned();
     let state: Value = serde_json::from_str(&body(&get("/state.json"))).unwrap();
     let top = bench.call(&["top", "--once", "--for", "100 ms", "--json"]).good();

@@ -23,6 +23,9 @@
 //! - `attach`: people at a running pipeline
 //! - `looking`: what runs, its topics and their rates, and its end from outside
 //! - `settings`: parameters that people change while it runs
+//! - `view`: the page of a run and of its session, in a browser
+//! - `browser`: a browser without a window
+//! - `planted`: faults that are planted in loops, and what names them
 //! - `unheard`: runs whose words nobody hears
 //! - `refusals`: what `run` refuses
 //! - `hung`: a recorder that hangs
@@ -36,6 +39,7 @@ mod affinity;
 mod attach;
 mod bench;
 mod breaking;
+mod browser;
 mod conformance;
 mod contracts;
 mod controllers;
@@ -48,6 +52,7 @@ mod ledger;
 mod link;
 mod live;
 mod looking;
+mod planted;
 mod recording;
 mod refusals;
 mod releases;
@@ -59,6 +64,7 @@ mod stopping;
 mod tampered;
 mod traps;
 mod unheard;
+mod view;
 mod wire;
 mod words;
 

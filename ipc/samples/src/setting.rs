@@ -80,6 +80,11 @@ impl SettingElement {
     pub fn value(&self) -> &str {
         text(&self.value)
     }
+
+    /// Who sent it.
+    pub fn by(&self) -> &str {
+        text(&self.by)
+    }
 }
 
 impl SettingAnswerElement {

@@ -78,7 +78,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     Contract {
         buffer,
         borrowed: BORROWED,
-        subscribers: takers + TAPS,
+        // The supervisor reads which changes of parameters a process took.
+        subscribers: takers + TAPS + usize::from(is_settings),
         publishers: 4,
         nodes: graph.processes.len() + 2 + TAPS,
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
@@ -151,6 +152,11 @@ pub fn inbox(graph: &Graph, operator: usize) -> Contract {
 /// The contract of a console's inbox for changes of parameters.
 pub fn setting_inbox(graph: &Graph, operator: usize) -> Contract {
     inbox_of(graph, &setting_inbox_topic(&graph.operators[operator].name), Setting::KIND)
+}
+
+/// The contract of the inbox of a supervisor for requests to restart an operator. Its name is that of no output.
+pub fn restart_inbox(graph: &Graph) -> Contract {
+    inbox_of(graph, ".restart", Setting::KIND)
 }
 
 fn inbox_of(graph: &Graph, topic: &str, kind: &SampleKind) -> Contract {
@@ -240,6 +246,7 @@ fn listed(graph: &Graph) -> Vec<(Contract, Option<usize>)> {
             contracts.push((landing(graph, operator), None));
         }
     }
+    contracts.push((restart_inbox(graph), None));
     contracts
 }
 

@@ -8,8 +8,10 @@ use zerocopy::{FromBytes, IntoBytes};
 use super::bridge::BridgeReport;
 use super::log::LogLine;
 use crate::clock::SessionClock;
+use crate::placement::Begin;
 use crate::record::Record;
 use crate::run_source::RunSource;
+use crate::settings::TakenChange;
 
 /// The first message to a child: all that it needs to make the same graph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -26,6 +28,8 @@ pub struct Hello {
     pub clock: SessionClock,
     /// First incarnation of each operator of the process, in the order of the process.
     pub incarnations: Vec<u32>,
+    /// The changes of parameters that each of them begins with, the oldest first.
+    pub changes: Vec<Vec<TakenChange>>,
     /// Whether activations are decided by the supervisor.
     pub directed: bool,
 }
@@ -54,6 +58,11 @@ pub enum ToWorker {
         /// When, session time in ns.
         at: u64,
     },
+    /// Begin a new incarnation of an operator on request.
+    Restart {
+        /// Number of the operator.
+        operator: usize,
+    },
     /// Stop timers and sources, drain the inputs, mark the end, and say so.
     Stop,
     /// End the process.
@@ -62,10 +71,8 @@ pub enum ToWorker {
     Start {
         /// Number of the operator.
         operator: usize,
-        /// Its incarnation.
-        incarnation: u32,
-        /// Session time, ns.
-        time: u64,
+        /// Its number and its time.
+        begin: Begin,
     },
     /// Directed: take the samples that wait on an input.
     Take {

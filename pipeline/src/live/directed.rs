@@ -68,9 +68,9 @@ impl<'f> DirectedWorker<'f> {
     fn obey(&mut self, order: ToWorker) -> Result<FromWorker, WorkerError> {
         let files = self.files;
         match order {
-            ToWorker::Start { operator, incarnation, time } => {
+            ToWorker::Start { operator, begin } => {
                 let runner = self.runner(operator)?;
-                let entry = runner.directed.start(incarnation, time, files)?;
+                let entry = runner.directed.start(begin, files)?;
                 runner.publish_entry(&entry)?;
                 Ok(FromWorker::Entry)
             }

@@ -171,4 +171,7 @@ pub enum LiveError {
     /// An operator has no journal topic.
     #[error("operator {0} has no journal topic")]
     NoJournal(String),
+    /// A topic was not created.
+    #[error("the topic {0} was not created")]
+    NoTopic(String),
 }

@@ -17,7 +17,7 @@ use super::reservation::{Retention, reserve};
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
 use crate::graph::Graph;
-use crate::placement::{Committed, Placement, PlacementError};
+use crate::placement::{Begin, Committed, Placement, PlacementError};
 use crate::record::Record;
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
@@ -67,6 +67,7 @@ impl Processes {
                 prefix: folder.prefix().to_string(),
                 clock: SessionClock::zero(),
                 incarnations: vec![0; process.operators.len()],
+                changes: vec![Vec::new(); process.operators.len()],
                 directed: true,
             };
             children.push(Child::start(launch, launch.worker, &process.name, &hello)?);
@@ -148,8 +149,8 @@ fn first_reason(reported: &[ReportedFault], answer: Result<FromWorker, ChildErro
 }
 
 impl Placement for Processes {
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
-        self.ask(operator, &ToWorker::Start { operator, incarnation, time })?;
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError> {
+        self.ask(operator, &ToWorker::Start { operator, begin })?;
         self.entry(operator)
     }
 

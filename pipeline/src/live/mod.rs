@@ -62,6 +62,6 @@ pub use journal::entry_of;
 pub use lockstep::Processes;
 pub use recorder::recorder_main;
 pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
-pub use supervisor::Supervisor;
+pub use supervisor::{REFUSED, Supervisor};
 pub use wire::{TransportOf, transport_of};
 pub use worker::{worker_main, worker_main_over};

@@ -1,8 +1,9 @@
 //! The folder of a run, by which other programs (`echo`, `send`) find it, and the sweep of what dead runs left.
 //!
 //! Each run has a folder `<temp>/stillpoint-<uid>/<id>` with `lock` (held by the supervisor while it lives), `children`
-//! (held by all its other processes together), `run.json` and the root folder of its domain.
+//! (held by all its other processes together), `run.json`, `changes.json` and the root folder of its domain.
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -10,11 +11,15 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
+use crate::clock::SessionClock;
 use crate::files::Snapshot;
+use crate::settings::TakenChange;
 
 /// Start of the name of a folder that is being made.
 const MAKING: &str = ".";
 
+/// In the folder of a run: the changes of parameters that its operators took.
+const CHANGES: &str = "changes.json";
 /// In the folder of a run: held by its supervisor.
 const LOCK: &str = "lock";
 /// In the folder of a run: held by its other processes together. They may outlive the supervisor.
@@ -112,6 +117,8 @@ pub struct RunCard {
     pub pipeline: String,
     /// Process number of the supervisor.
     pub pid: u32,
+    /// The session's clock.
+    pub clock: SessionClock,
     /// Text of the pipeline.
     pub source: String,
     /// Name of its file.
@@ -220,6 +227,22 @@ impl RunFolder {
             .and_then(|()| std::fs::rename(&draft, &done))
             .map_err(|e| file_error(&done, e))
     }
+
+    /// Notes the changes of parameters that operators took, for those who join later. A change that cannot be noted holds
+    /// nevertheless.
+    pub fn note_changes(&self, changes: &BTreeMap<&str, &Vec<TakenChange>>) {
+        let (draft, done) = (self.path.join("changes.json.new"), self.path.join(CHANGES));
+        let written = serde_json::to_vec(changes).map(|text| std::fs::write(&draft, text));
+        if let Ok(Ok(())) = written {
+            let _ = std::fs::rename(&draft, &done);
+        }
+    }
+}
+
+/// The changes of parameters that the operators of the run in this folder took, by name of the operator, the oldest first.
+pub fn changes(folder: &Path) -> BTreeMap<String, Vec<TakenChange>> {
+    let text = std::fs::read(folder.join(CHANGES)).unwrap_or_default();
+    serde_json::from_slice(&text).unwrap_or_default()
 }
 
 impl Drop for RunFolder {

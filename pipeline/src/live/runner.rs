@@ -18,6 +18,7 @@ use crate::operator::Files;
 use crate::outside::{Inbox, Message, Outside};
 use crate::record::Record;
 use crate::schedule::{Decision, Ticks, decide};
+use crate::settings::TakenChange;
 
 /// One operator in a worker.
 pub struct OperatorRunner {
@@ -137,6 +138,7 @@ impl OperatorRunner {
         domain: &Domain,
         files: &dyn Files,
         transport_of: TransportOf,
+        changes: &[TakenChange],
         listeners: &mut Vec<Listener>,
     ) -> Result<Self, WorkerError> {
         let node = &graph.operators[operator];
@@ -173,7 +175,7 @@ impl OperatorRunner {
         }
         let link_receiver = LinkReceiver::open(graph, operator, domain, transport_of)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
-        let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
+        let instance = OperatorInstance::build(graph, operator, incarnation, files, outside, changes)
             .map_err(|reason| WorkerError::Setup { operator: node.name.clone(), reason })?;
         Ok(Self {
             operator,
@@ -214,7 +216,8 @@ impl OperatorRunner {
         self.publish_entry(&entry)
     }
 
-    /// Replaces the incarnation after a panic; its ports and the samples that wait stay.
+    /// Replaces the incarnation after a panic, or on request; its ports, the samples that wait, and the parameters that were
+    /// changed stay.
     pub fn reincarnate(
         &mut self,
         graph: &Graph,
@@ -223,12 +226,13 @@ impl OperatorRunner {
     ) -> Result<(), WorkerError> {
         let inbox = self.inbox.as_ref().map(|port| port.inbox.clone()).unwrap_or_default();
         let outside = Outside { inbox, arrivals: self.link_receiver.as_ref().map(LinkReceiver::arrivals) };
-        self.instance =
-            OperatorInstance::build(graph, self.operator, self.instance.incarnation() + 1, files, outside)
-                .map_err(|reason| WorkerError::SetupOnRestart {
-                    operator: graph.operators[self.operator].name.clone(),
-                    reason,
-                })?;
+        let before = &self.instance;
+        let next = before.incarnation() + 1;
+        let built = OperatorInstance::build(graph, self.operator, next, files, outside, before.changes());
+        self.instance = built.map_err(|reason| WorkerError::SetupOnRestart {
+            operator: graph.operators[self.operator].name.clone(),
+            reason,
+        })?;
         self.intake.renew();
         self.down = None;
         self.finished = false;

@@ -1,12 +1,16 @@
 //! The supervisor: starts, watches, restarts and ends the processes of a live run.
 //!
 //! - `connecting`: which processes connect to which, and how long the supervisor waits
+//! - `requests`: restarts that people ask for, and the changes of parameters that a restarted process begins with
 //! - `restarts`: what follows on the death of a child
 //! - `ending`: the end of a run, level by level
 
 mod connecting;
 mod ending;
+mod requests;
 mod restarts;
+
+pub use requests::REFUSED;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -53,6 +57,7 @@ pub struct Supervisor {
     connects: u64,
     dead: Vec<restarts::Dead>,
     journals: Vec<Subscriber>,
+    requests: requests::Requests,
     ledger: Ledger,
     /// How the bridge is started, where this part has one, and all that it needs to know.
     bridge: Option<(Launch, HelloBridge)>,
@@ -120,6 +125,7 @@ impl Supervisor {
                 topics.iter().find(|t| t.contract().topic == name).ok_or(LiveError::NoJournal(name))?;
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH)?);
         }
+        let requests = requests::Requests::open(&graph, &topics)?;
         let identity = identity_of(&graph, &source);
         let hello = HelloBridge::of(&graph, identity, folder.root(), folder.prefix().to_owned(), clock);
         let bridge = launch.zip(hello.map(|hello| hello.with_files_of(&options.files)));
@@ -149,6 +155,7 @@ impl Supervisor {
             connects: 0,
             dead: Vec::new(),
             journals,
+            requests,
             ledger: Ledger::default(),
             reported: Vec::new(),
             log: Log::default(),
@@ -182,6 +189,7 @@ impl Supervisor {
         self.folder.publish(&RunCard {
             pipeline: self.graph.name.clone(),
             pid: std::process::id(),
+            clock: self.clock,
             source: self.source.text.clone(),
             file: self.source.file.clone(),
             sets: self.source.sets.clone(),
@@ -228,6 +236,9 @@ impl Supervisor {
             clock: self.clock,
             incarnations: node
                 .map(|p| p.operators.iter().map(|o| self.incarnations[*o]).collect())
+                .unwrap_or_default(),
+            changes: node
+                .map(|p| p.operators.iter().map(|o| self.requests.changes(*o)).collect())
                 .unwrap_or_default(),
             directed: false,
         }
@@ -278,6 +289,7 @@ impl Supervisor {
                 break;
             }
             self.listen();
+            self.attend_requests();
             self.report_faults(run);
             // A child that cannot be started ends the run, too, and in order.
             if let Some(reason) = self.attend_children(now).unwrap_or_else(|e| Some(e.to_string())) {
@@ -333,6 +345,7 @@ impl Supervisor {
 
     /// Takes all journal entries that wait.
     fn read_journals(&mut self) {
+        self.read_answers();
         for (operator, journal) in self.journals.iter().enumerate() {
             while let Ok(Some(sample)) = journal.receive() {
                 let Some(entry): Option<Entry> = entry_of(sample.pieces()) else { continue };

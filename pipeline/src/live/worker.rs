@@ -116,7 +116,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
     Forward::start(&process.name, names, hello.clock);
     let mut listeners = Vec::new();
     let mut runners = Vec::new();
-    for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
+    for (place, (operator, incarnation)) in process.operators.iter().zip(&hello.incarnations).enumerate() {
         log::enter(*operator);
         runners.push(OperatorRunner::open(
             &graph,
@@ -125,6 +125,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
             &domain,
             &files,
             transport_of,
+            hello.changes.get(place).map_or(&[], Vec::as_slice),
             &mut listeners,
         )?);
     }
@@ -243,6 +244,13 @@ impl Worker {
                 for runner in self.runners.iter_mut().filter(|m| m.operator == *operator && m.down.is_some())
                 {
                     runner.down = Some(Down::Until(*at));
+                }
+                Ok(())
+            }
+            ToWorker::Restart { operator } => {
+                let ours = self.runners.iter_mut().filter(|r| r.operator == *operator && r.down.is_none());
+                for runner in ours.filter(|_| self.running && !self.stopping) {
+                    runner.reincarnate(&self.graph, &self.files, &self.clock)?;
                 }
                 Ok(())
             }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use stillpoint_samples::{Cause, Entry, JournalRef, Outcome, RefKind, SampleKind};
 
-use super::{Committed, PlacementError};
+use super::{Begin, Carried, Committed, PlacementError};
 use crate::clock::float_state_is_standard;
 use crate::drafts::{Buffer, Lender};
 use crate::graph::Graph;
@@ -14,19 +14,22 @@ use crate::operator::Policy;
 use crate::outside::Outside;
 use crate::record::Record;
 use crate::sample_store::{OwnedSample, SampleStore};
+use crate::settings::TakenChange;
 
 /// One operator: its present incarnation, and the samples that wait for it.
 pub struct Directed {
     graph: Arc<Graph>,
     operator: usize,
     instance: Option<OperatorInstance>,
+    /// The changes of parameters that incarnations before took.
+    changes: Vec<TakenChange>,
     store: SampleStore,
 }
 
 impl Directed {
     /// Operator number `operator`, without an incarnation yet.
     pub fn new(graph: Arc<Graph>, operator: usize) -> Self {
-        Self { graph, operator, instance: None, store: SampleStore::default() }
+        Self { graph, operator, instance: None, changes: Vec::new(), store: SampleStore::default() }
     }
 
     fn name(&self) -> &str {
@@ -34,7 +37,8 @@ impl Directed {
     }
 
     /// Begins an incarnation.
-    pub fn start(&mut self, incarnation: u32, time: u64, files: &dyn Files) -> Result<Entry, PlacementError> {
+    pub fn start(&mut self, begin: Begin, files: &dyn Files) -> Result<Entry, PlacementError> {
+        let Begin { incarnation, time, carried } = begin;
         if !float_state_is_standard() {
             return Err(PlacementError::Setup {
                 operator: self.name().to_string(),
@@ -42,9 +46,22 @@ impl Directed {
                     .to_string(),
             });
         }
+        if let Some(before) = self.instance.take() {
+            self.changes = before.changes().to_vec();
+        }
+        if let Carried::First(carried) = carried {
+            let known = self.changes.len();
+            if carried > known as u64 {
+                let operator = self.name().to_string();
+                return Err(PlacementError::Changes { operator, incarnation, carried, known });
+            }
+            self.changes.truncate(carried as usize);
+        }
+        let outside = Outside::default();
         let built =
-            OperatorInstance::build(&self.graph, self.operator, incarnation, files, Outside::default())
-                .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
+            OperatorInstance::build(&self.graph, self.operator, incarnation, files, outside, &self.changes);
+        let built =
+            built.map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
         Ok(self.instance.insert(built).mark(Cause::Start, time, &[]))
     }
 
@@ -101,7 +118,9 @@ impl Directed {
     /// Ends the incarnation in order.
     pub fn end(&mut self, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
         let name = self.name().to_string();
-        Ok(self.instance.take().ok_or_else(|| gone(&name))?.mark(Cause::End, time, inputs))
+        let mut instance = self.instance.take().ok_or_else(|| gone(&name))?;
+        self.changes = instance.changes().to_vec();
+        Ok(instance.mark(Cause::End, time, inputs))
     }
 }
 
@@ -160,7 +179,7 @@ mod tests {
         let files = MemoryFiles::default();
         let graph = crate::config::check(text, "short.yaml", &[], &registry, &files).unwrap();
         let mut directed = Directed::new(Arc::new(graph), 0);
-        directed.start(0, 0, &files).unwrap();
+        directed.start(Begin { incarnation: 0, time: 0, carried: Carried::All }, &files).unwrap();
         let record = |time| Record {
             time,
             nominal: time,

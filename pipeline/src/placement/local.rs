@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use stillpoint_samples::{Entry, JournalRef};
 
-use super::{Committed, Directed, Placement, PlacementError};
+use super::{Begin, Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
 use crate::operator::Files;
 use crate::record::Record;
@@ -53,8 +53,8 @@ impl<'f> Local<'f> {
 }
 
 impl Placement for Local<'_> {
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
-        self.operators[operator].start(incarnation, time, self.files)
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError> {
+        self.operators[operator].start(begin, self.files)
     }
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {

@@ -14,6 +14,7 @@ pub use directed::Directed;
 pub use local::Local;
 pub use threads::Threads;
 
+use serde::{Deserialize, Serialize};
 use stillpoint_samples::Entry;
 
 use crate::record::Record;
@@ -55,6 +56,20 @@ pub enum PlacementError {
         /// Sequence of the sample.
         sequence: u64,
     },
+    /// It took fewer changes of parameters than the incarnation begins with.
+    #[error(
+        "operator {operator}: incarnation {incarnation} began with {carried} changes of parameters, of which {known} are known"
+    )]
+    Changes {
+        /// Name of the operator.
+        operator: String,
+        /// The incarnation.
+        incarnation: u32,
+        /// Changes that it began with.
+        carried: u64,
+        /// Those of earlier incarnations that are known.
+        known: usize,
+    },
     /// The other end is gone.
     #[error("operator {operator}: {reason}")]
     Gone {
@@ -65,10 +80,30 @@ pub enum PlacementError {
     },
 }
 
+/// With which of the changes of parameters that an operator took its next incarnation begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Carried {
+    /// With all of them.
+    All,
+    /// With the oldest, this many: those that a recorded incarnation began with.
+    First(u64),
+}
+
+/// The beginning of an incarnation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Begin {
+    /// Its number.
+    pub incarnation: u32,
+    /// Session time, ns.
+    pub time: u64,
+    /// The changes of parameters that it begins with.
+    pub carried: Carried,
+}
+
 /// Where activations happen.
 pub trait Placement {
     /// Begins an incarnation of an operator and gives the entry that marks it.
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError>;
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError>;
 
     /// Does one activation. Its outputs have reached every consumer when this returns.
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError>;

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 use stillpoint_samples::{Entry, JournalRef};
 
-use super::{Committed, Directed, Placement, PlacementError};
+use super::{Begin, Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
 use crate::limits::start_thread;
 use crate::operator::Files;
@@ -14,7 +14,7 @@ use crate::record::Record;
 use crate::sample_store::OwnedSample;
 
 enum Ask {
-    Start { incarnation: u32, time: u64 },
+    Start(Begin),
     Deliver { port: usize, owned: OwnedSample },
     Activate(Record),
     End { time: u64, inputs: Vec<JournalRef> },
@@ -79,7 +79,7 @@ impl Threads {
 fn serve(mut directed: Directed, asked: &Receiver<Ask>, reply: &Sender<Answer>, files: &dyn Files) {
     for ask in asked {
         let answer = match ask {
-            Ask::Start { incarnation, time } => Answer::Entry(directed.start(incarnation, time, files)),
+            Ask::Start(begin) => Answer::Entry(directed.start(begin, files)),
             Ask::Activate(record) => Answer::Committed(Box::new(directed.activate(&record))),
             Ask::End { time, inputs } => Answer::Entry(directed.end(time, &inputs)),
             Ask::Deliver { port, owned } => {
@@ -94,8 +94,8 @@ fn serve(mut directed: Directed, asked: &Receiver<Ask>, reply: &Sender<Answer>, 
 }
 
 impl Placement for Threads {
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
-        self.ask_for_entry(operator, Ask::Start { incarnation, time })
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError> {
+        self.ask_for_entry(operator, Ask::Start(begin))
     }
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {

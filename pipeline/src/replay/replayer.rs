@@ -10,7 +10,7 @@ use super::difference::{self, Difference};
 use super::{Open, ReplayError, ReplayReport};
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::Files;
-use crate::placement::{Local, Placement, PlacementError};
+use crate::placement::{Begin, Carried, Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
 use crate::schedule::Observer;
@@ -93,8 +93,21 @@ impl<'s, 'f> Replayer<'s, 'f> {
         }
         match lacking(&self.graph.operators[operator], self.files) {
             Some(reason) => self.open(operator, entry, reason),
-            // The recording shows that it could be made: a build that cannot is no gap of the session.
-            None => drop(self.placement.start(operator, entry.header.incarnation, entry.header.stamp)?),
+            None => {
+                let begin = Begin {
+                    incarnation: entry.header.incarnation,
+                    time: entry.header.stamp,
+                    carried: Carried::First(entry.body.tick),
+                };
+                match self.placement.start(operator, begin) {
+                    Ok(_) => {}
+                    Err(error @ PlacementError::Changes { .. }) => {
+                        self.open(operator, entry, error.to_string())
+                    }
+                    // The recording shows that it could be made: a build that cannot is no gap of the session.
+                    Err(error) => return Err(error.into()),
+                }
+            }
         }
         Ok(())
     }

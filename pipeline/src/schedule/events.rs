@@ -14,7 +14,7 @@ use super::waiting::Waiting;
 use crate::finished::Finished;
 use crate::graph::Graph;
 use crate::intake::Intake;
-use crate::placement::{Placement, PlacementError};
+use crate::placement::{Begin, Carried, Placement, PlacementError};
 use crate::record::Record;
 use crate::restarts::{Answer, Restarts};
 use crate::sample_store::OwnedSample;
@@ -253,7 +253,9 @@ impl Events {
             state.busy_until = start;
             let every = self.graph.operators[operator].every;
             state.ticks = every.map(|every| Ticks { epoch: start, every, next: 0 });
-            let entry = feed.start(operator, 0, start).map_err(RunError::NotBegun)?;
+            let entry = feed
+                .start(operator, Begin { incarnation: 0, time: start, carried: Carried::All })
+                .map_err(RunError::NotBegun)?;
             observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
         }
         Ok(())
@@ -432,7 +434,8 @@ impl Events {
                 state.ticks = state.ticks.map(|ticks| Ticks::from(ticks.epoch, ticks.every, time));
             }
         }
-        let entry = placement.start(operator, state.incarnation, time)?;
+        let entry = placement
+            .start(operator, Begin { incarnation: state.incarnation, time, carried: Carried::All })?;
         self.finished.enter(operator, &entry);
         observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)
     }

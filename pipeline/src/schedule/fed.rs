@@ -4,7 +4,7 @@
 use stillpoint_samples::{Entry, JournalRef};
 
 use super::RunError;
-use crate::placement::{Committed, Placement, PlacementError};
+use crate::placement::{Begin, Committed, Placement, PlacementError};
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
 
@@ -40,8 +40,8 @@ pub trait Feed: Placement {
 pub(super) struct Unfed<'p>(pub &'p mut dyn Placement);
 
 impl Placement for Unfed<'_> {
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
-        self.0.start(operator, incarnation, time)
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError> {
+        self.0.start(operator, begin)
     }
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {

@@ -8,7 +8,7 @@ use stillpoint_samples::{Cause, Entry, JournalRef, RefKind};
 
 use crate::graph::Graph;
 use crate::operator::{Files, Role};
-use crate::placement::{Committed, Local, Placement, PlacementError};
+use crate::placement::{Begin, Committed, Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::replay::journal::Ordered;
 use crate::replay::replayer::Replayer;
@@ -161,8 +161,8 @@ impl Feed for RecordedPart<'_, '_> {
 }
 
 impl Placement for RecordedPart<'_, '_> {
-    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
-        self.placement.start(operator, incarnation, time)
+    fn start(&mut self, operator: usize, begin: Begin) -> Result<Entry, PlacementError> {
+        self.placement.start(operator, begin)
     }
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {

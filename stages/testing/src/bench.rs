@@ -65,7 +65,7 @@ impl Bench {
         let graph: Graph = check(text, "bench.yaml", &[], &registry, files).map_err(|f| f.to_string())?;
         let graph = Arc::new(graph);
         let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
-        let instance = OperatorInstance::build(&graph, operator, 0, files, outside).map_err(|e| e.0)?;
+        let instance = OperatorInstance::build(&graph, operator, 0, files, outside, &[]).map_err(|e| e.0)?;
         let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
         Ok(Self { instance, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }

@@ -20,6 +20,8 @@
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
 //! - `http`: the words of HTTP that `run --metrics` and `view` speak
+//! - `view`: the page of a run or a session, for `view`
+//! - `upstream`: the images behind a face, for `send` and `view`
 //! - `metrics`: figures of a run as Prometheus text
 //! - `doctor`: what is measured of the machine
 //! - `rates`: rates of topics from journals, for `topics` and `hz`
@@ -68,7 +70,9 @@ mod status_line;
 mod subject;
 mod summary;
 mod top;
+mod upstream;
 mod version;
+mod view;
 
 use std::process::ExitCode;
 

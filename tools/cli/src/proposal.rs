@@ -6,17 +6,17 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::graph::Graph;
 use stillpoint_report::proposal::{PictureError, picture};
 use stillpoint_samples::{
-    AlignedBytes, DepthImage, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection,
-    Sample, SampleKind, Verb,
+    AlignedBytes, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection, Sample,
+    SampleKind, Verb,
 };
 
 use crate::answer::{LOOK, Tap, answering};
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::private;
+use crate::upstream::{image_behind, input_of};
 
 /// Time within which a tracker has to report on a frame.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -334,30 +334,6 @@ impl Shown {
 /// The sample of the image of this time.
 fn of(retained: &VecDeque<(u64, AlignedBytes)>, origin: u64) -> Option<&AlignedBytes> {
     retained.iter().find(|(of, _)| *of == origin).map(|(_, bytes)| bytes)
-}
-
-/// The output that feeds the first connected input of a kind.
-fn input_of(graph: &Graph, operator: usize, kind: &SampleKind) -> Option<(usize, usize)> {
-    let node = &graph.operators[operator];
-    let ports = node.stage.kind.inputs.iter().zip(&node.inputs);
-    let edge = ports.filter(|(port, _)| *port.sample == *kind).find_map(|(_, input)| input.edge)?;
-    Some((edge.operator, edge.output))
-}
-
-/// The nearest depth image upstream of a face; if there is none, the nearest cloud.
-fn image_behind(graph: &Graph, face: (usize, usize)) -> Option<((usize, usize), &'static SampleKind)> {
-    let mut clouds = None;
-    let mut at = face.0;
-    // Each step goes upstream, and a cycle ends at the number of operators.
-    for _ in 0..graph.operators.len() {
-        if let Some(image) = input_of(graph, at, DepthImage::KIND) {
-            return Some((image, DepthImage::KIND));
-        }
-        let Some(cloud) = input_of(graph, at, PointCloud::KIND) else { break };
-        clouds = Some((cloud, PointCloud::KIND));
-        at = cloud.0;
-    }
-    clouds
 }
 
 fn silent() -> String {

@@ -7,8 +7,10 @@ use stillpoint_operator::params::{
 };
 use stillpoint_pipeline::graph::{Graph, OperatorNode, settings_topic};
 use stillpoint_pipeline::live::contracts;
+use stillpoint_pipeline::live::run_folder::changes;
+use stillpoint_pipeline::settings::TakenChange;
 use stillpoint_recorder::Session;
-use stillpoint_samples::{Pieces, Sample, SettingAnswer, SettingAnswerElement};
+use stillpoint_samples::{Cause, Pieces, Sample, SettingAnswer, SettingAnswerElement, SettingElement};
 use stillpoint_shm::{Subscriber, Topic};
 
 use crate::attach::Attached;
@@ -47,7 +49,7 @@ impl Row {
 /// The answers of operators to changes of their parameters, as they come.
 pub struct Values {
     taps: Vec<(usize, Subscriber, Topic)>,
-    /// By operator: the answers of its newest incarnation.
+    /// By operator: the answers of its newest incarnation, after those that it began with.
     known: Vec<(u32, Vec<SettingAnswerElement>)>,
 }
 
@@ -64,7 +66,13 @@ impl Values {
             subscriber.connect().map_err(Failure::failed)?;
             taps.push((operator, subscriber, topic));
         }
-        Ok(Self { taps, known: vec![Default::default(); graph.operators.len()] })
+        // An answer goes with the process that sent it; the supervisor notes what was taken.
+        let mut noted = changes(&attached.folder());
+        let known = graph.operators.iter().map(|node| {
+            let taken = noted.remove(&node.name).unwrap_or_default();
+            (0, taken.iter().filter_map(|change| answer(&node.name, change)).collect())
+        });
+        Ok(Self { taps, known: known.collect() })
     }
 
     /// The answers that a session holds.
@@ -76,20 +84,23 @@ impl Values {
                 let sample = session.sample(number, incarnation, sequence).ok().flatten();
                 let Some(sample) = sample else { continue };
                 if let Ok(pieces) = Pieces::split(SettingAnswer::KIND, &sample.sample) {
-                    answers.enter(operator, pieces);
+                    answers.enter(operator, pieces, begins_with(session, &node.name, incarnation));
                 }
             }
         }
         answers
     }
 
-    fn enter(&mut self, operator: usize, pieces: Pieces<'_>) {
+    /// Takes an answer; `carried`: the changes with which its incarnation began, where that is known.
+    fn enter(&mut self, operator: usize, pieces: Pieces<'_>, carried: Option<usize>) {
         let incarnation = pieces.header().incarnation;
         let Ok(view) = pieces.view::<SettingAnswer>() else { return };
         let (life, list) = &mut self.known[operator];
         if incarnation > *life {
-            // A new incarnation begins with the values of the file.
-            (*life, *list) = (incarnation, Vec::new());
+            // A new incarnation begins with the changes that the ones before took.
+            *life = incarnation;
+            list.retain(|answer| answer.refusal().is_none());
+            list.truncate(carried.unwrap_or(list.len()));
         }
         if incarnation == *life {
             list.extend(view.first());
@@ -100,13 +111,13 @@ impl Values {
     pub fn look(&mut self) -> Result<(), Failure> {
         for at in 0..self.taps.len() {
             while let Some(sample) = self.taps[at].1.receive().map_err(Failure::failed)? {
-                self.enter(self.taps[at].0, sample.pieces());
+                self.enter(self.taps[at].0, sample.pieces(), None);
             }
         }
         Ok(())
     }
 
-    /// The answers of an operator in its newest incarnation, oldest first.
+    /// The answers of an operator in its newest incarnation, oldest first, after those that it began with.
     pub fn of(&self, operator: usize) -> &[SettingAnswerElement] {
         self.known.get(operator).map_or(&[], |(_, list)| list)
     }
@@ -144,6 +155,30 @@ impl Values {
         let rows = all.flat_map(|(operator, node)| self.rows(operator, node));
         rows.filter(|row| row.from == Origin::Live.word()).collect()
     }
+}
+
+/// The answer to a change that was taken before.
+fn answer(operator: &str, change: &TakenChange) -> Option<SettingAnswerElement> {
+    let path = format!("{operator}.{}", change.parameter);
+    let change = SettingElement::new(&path, &change.value, "")?;
+    Some(SettingAnswerElement {
+        // No change that is sent has this number.
+        setting: u64::MAX,
+        generation: 0,
+        from: 0,
+        console_incarnation: u32::MAX,
+        taken: 1,
+        path: change.path,
+        value: change.value,
+        reason: [0; 256],
+    })
+}
+
+/// The changes of parameters with which a recorded incarnation began.
+fn begins_with(session: &Session, operator: &str, incarnation: u32) -> Option<usize> {
+    let mut entries = session.journals().get(operator)?.iter();
+    let start = entries.find(|e| e.header.incarnation == incarnation && e.cause() == Some(Cause::Start))?;
+    usize::try_from(start.body.tick).ok()
 }
 
 fn list(fields: &'static [ParamField], before: &str, take: &mut impl FnMut(&str, &ParamField)) {

@@ -72,7 +72,7 @@ pub use drawings::themed;
 pub use error::ReportError;
 pub use escape::escape;
 pub use page::Section;
-pub use picture::base64;
+pub use picture::{Indexed, base64};
 pub use session_pipeline::{MERGED, SessionPipeline, SessionPipelineError, pipeline_of, recorded_pipeline};
 
 /// All sections of the report of the session at `path`, with at most this number of `pictures` per camera.

@@ -29,6 +29,7 @@ impl Supervisor {
         for journal in &self.journals {
             let _ = journal.connect();
         }
+        let _ = self.requests.connect();
         self.connects += 1;
         let number = self.connects;
         if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {

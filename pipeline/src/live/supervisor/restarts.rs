@@ -160,6 +160,8 @@ impl Supervisor {
 
     fn restart(&mut self, index: usize) -> Result<(), ChildError> {
         self.workers[index].due = None;
+        // What it took last is read before its node is cleaned; what came with the cleaning of another, here.
+        self.read_journals();
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
             self.incarnations[operator] += 1;
         }

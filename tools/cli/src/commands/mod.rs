@@ -24,6 +24,7 @@ mod reach;
 mod recover;
 pub mod replay;
 mod report;
+mod restart;
 mod rig;
 pub mod run;
 mod schema;
@@ -80,6 +81,8 @@ pub enum Command {
     Send(send::Send),
     /// Change a live parameter of a running pipeline, or list them.
     Set(set::Set),
+    /// Restart one operator of a running pipeline.
+    Restart(restart::Restart),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
     /// Print the command that trains the network of a controller, or the prior of beams.
@@ -147,6 +150,7 @@ impl Command {
             Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),
             Self::Set(c) => c.execute(registry),
+            Self::Restart(c) => c.execute(registry),
             Self::Identify(c) => c.execute(),
             Self::Train(c) => c.execute(),
             Self::Echo(c) => c.execute(registry),

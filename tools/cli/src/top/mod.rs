@@ -16,6 +16,6 @@ mod watch;
 
 pub use keys::{Panel, View};
 pub use plain::{plain, words};
-pub use snapshot::Snapshot;
+pub use snapshot::{Parts, Snapshot, figures};
 pub use view::draw;
 pub use watch::Watch;

@@ -44,6 +44,8 @@ pub struct Snapshot {
     pub changed: Vec<Row>,
     /// The recording, where there is one.
     pub recorder: Option<RecorderRow>,
+    /// Of a run: how far the clock of this machine was set ahead since its start, s. Session time does not follow it.
+    pub clock_set_s: Option<f64>,
 }
 
 /// An operator.
@@ -126,13 +128,26 @@ pub struct Parts<'a> {
     pub changed: Vec<Row>,
     /// The recording.
     pub recorder: Option<RecorderRow>,
+    /// See [`Snapshot`].
+    pub clock_set_s: Option<f64>,
 }
 
 impl Snapshot {
     /// The snapshot of the parts.
     pub fn of(parts: Parts<'_>) -> Self {
-        let Parts { of, graph, journals, figures, seconds, held, verdict, processes, changed, recorder } =
-            parts;
+        let Parts {
+            of,
+            graph,
+            journals,
+            figures,
+            seconds,
+            held,
+            verdict,
+            processes,
+            changed,
+            recorder,
+            clock_set_s,
+        } = parts;
         let operators: Vec<OperatorRow> = graph
             .operators
             .iter()
@@ -166,6 +181,7 @@ impl Snapshot {
             processes: processes.unwrap_or_default(),
             changed,
             recorder,
+            clock_set_s,
         };
         snapshot.troubles = troubles::of(&snapshot, graph, &journals);
         let unanswered = verdict.unanswered.into_iter().map(|what| format!("no answer: {what}"));
@@ -187,6 +203,7 @@ impl Snapshot {
             processes: None,
             changed: Values::of_session(session, &ran).changed(&ran),
             recorder: Some(RecorderRow { free_bytes: None, ..RecorderRow::of(path) }),
+            clock_set_s: None,
             figures,
             journals,
         })

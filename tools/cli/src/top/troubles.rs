@@ -17,6 +17,11 @@ const HELD: u64 = 10;
 /// The share of the time without a core from which on a process is starved, per cent.
 const STARVED: f64 = 10.0;
 
+/// The word of valves whose far end is silent.
+const NO_ANSWER: &str = "no answer";
+/// How far a clock may be set before it is a trouble, s: a service that keeps time moves it by less.
+const CLOCK_JUMP: f64 = 0.5;
+
 /// The troubles, the gravest kind first.
 pub fn of(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> Vec<String> {
     let mut found = processes(snapshot);
@@ -63,6 +68,12 @@ pub fn of(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> Vec<St
     found.extend(held(snapshot));
     if let Some(free) = snapshot.recorder.as_ref().and_then(|r| r.free_bytes).filter(|free| *free < LITTLE) {
         found.push(format!("the disk of the session has {:.2} GB free", free as f64 * 1e-9));
+    }
+    if let Some(jump) = snapshot.clock_set_s.filter(|jump| jump.abs() > CLOCK_JUMP) {
+        found.push(format!(
+            "the clock of this machine was set by {jump:+.1} s since the run began: session time goes on evenly, other \
+             hosts and files have another time"
+        ));
     }
     found
 }
@@ -127,8 +138,18 @@ fn held(snapshot: &Snapshot) -> Vec<String> {
         if valves.state == "fault" {
             found.push(format!("{}: fault: {}", valves.topic, valves.fault.join(", ")));
         }
+        if valves.reasons.contains(&NO_ANSWER) {
+            found.push(format!("{}: the far end acknowledges no order", valves.topic));
+        }
         if valves.refused > 0 && !valves.lacking.is_empty() {
             found.push(format!("{}: a command was refused: {}", valves.topic, valves.lacking.join(", ")));
+        }
+    }
+    for far in &held.far_ends {
+        let refused = far.refused + far.refused_beam;
+        if refused as f64 > MUCH * (far.accepted + refused) as f64 {
+            let all = far.accepted + refused;
+            found.push(format!("{}: {refused} of {all} orders refused: {}", far.topic, far.why()));
         }
     }
     found

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use stillpoint_pipeline::graph::{Graph, Priority};
+use stillpoint_pipeline::ledger::{Ledger, LedgerLine};
 use stillpoint_report::graph::Drawing;
-use stillpoint_report::trace::Journals;
+use stillpoint_report::trace::{Journals, Trace};
 use stillpoint_samples::Entry;
 
 use super::snapshot::{Parts, ProcessRow, RecorderRow, Snapshot, figures};
@@ -21,6 +22,7 @@ use crate::settings::Values;
 pub struct Watch {
     window: Duration,
     entries: Vec<Vec<Entry>>,
+    ledger: Ledger,
     /// CPU time and time without a core of processes at the time before.
     before: (Instant, BTreeMap<u32, (f64, f64)>),
     begun: Instant,
@@ -42,13 +44,17 @@ impl Watch {
         let entries = vec![Vec::new(); attached.graph.operators.len()];
         let now = Instant::now();
         let before = (now, times(&processes::of_run(attached.pid)));
-        Ok(Self { window, entries, before, begun: now, journals, held, settings, attached })
+        let ledger = Ledger::default();
+        Ok(Self { window, entries, ledger, before, begun: now, journals, held, settings, attached })
     }
 
     /// Reads what came since the last look.
     pub fn look(&mut self) -> Result<(), Failure> {
-        let entries = &mut self.entries;
-        self.journals.look(&mut |operator, entry| entries[operator].push(entry))?;
+        let (entries, ledger) = (&mut self.entries, &mut self.ledger);
+        self.journals.look(&mut |operator, entry| {
+            ledger.enter(operator, &entry);
+            entries[operator].push(entry);
+        })?;
         self.held.look();
         self.settings.look()
     }
@@ -56,6 +62,16 @@ impl Watch {
     /// The picture of the pipeline with what the window measured. `whole` has the edges of links, which are cut in a run.
     pub fn drawing(&self, whole: Option<&Graph>) -> Drawing {
         Drawing::of(&Journals::of_run(&self.attached.graph, &self.entries), whole)
+    }
+
+    /// The paths of the window, from sources to sinks.
+    pub fn trace(&self) -> Trace {
+        Trace::of(&Journals::of_run(&self.attached.graph, &self.entries), |_, _| true)
+    }
+
+    /// The account of every edge since the run began.
+    pub fn ledger(&self) -> Vec<LedgerLine> {
+        self.ledger.lines(&self.attached.graph)
     }
 
     /// The figures of the window that ends now.
@@ -81,6 +97,7 @@ impl Watch {
             processes: Some(rows(&self.attached, &mut self.before)),
             changed: self.settings.changed(graph),
             recorder: self.attached.session.as_deref().map(RecorderRow::of),
+            clock_set_s: Some(self.attached.card.clock.set_ahead() as f64 * 1e-9),
         };
         Ok(Snapshot::of(parts))
     }

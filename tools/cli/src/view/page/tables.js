@@ -1,8 +1,7 @@
-"use strict";
-// Everything that comes from the pipeline is set as text, never as HTML.
-const of = id => document.getElementById(id);
-const number = (value, digits) => typeof value === "number" ? value.toFixed(digits) : "-";
-const element = (name, text, kind) => {
+// The state as tables. Everything that comes from the pipeline is set as text, never as HTML.
+export const of = id => document.getElementById(id);
+export const number = (value, digits) => typeof value === "number" ? value.toFixed(digits) : "-";
+export const element = (name, text, kind) => {
   const made = document.createElement(name);
   made.textContent = text;
   if (kind) made.className = kind;
@@ -10,6 +9,7 @@ const element = (name, text, kind) => {
 };
 // A column: heading, value of a row, and the number of decimals where it is a number.
 const table = (id, rows, columns) => {
+  of(id).closest("section").hidden = rows.length === 0;
   const head = document.createElement("tr");
   for (const [name, , digits] of columns) head.append(element("th", name, digits === undefined ? "" : "number"));
   const body = rows.map(row => {
@@ -23,15 +23,18 @@ const table = (id, rows, columns) => {
   of(id).replaceChildren(head, ...body);
 };
 const list = (id, name, texts, kind) => of(id).replaceChildren(...texts.map(text => element(name, text, kind)));
-let drawn = 0;
-const show = top => {
+
+export const show = top => {
   of("title").textContent = top.pipeline;
   document.title = `${top.troubles.length ? `(${top.troubles.length}) ` : ""}${top.pipeline}`;
-  of("about").textContent = `over ${number(top.seconds, 1)} s`;
   if (top.troubles.length) list("troubles", "li", top.troubles, "bad");
   else list("troubles", "li", ["none"], "good");
-  const words = [...top.state];
-  list("state", "p", words, "state");
+  of("state").closest("section").hidden = top.state.length === 0;
+  list("state", "p", top.state, "state");
+  table("paths", top.paths, [
+    ["path", p => `${p.from} > ${p.to}`], ["arrived", p => p.arrived, 0], ["of", p => p.samples, 0],
+    ["p50 ms", p => p.total_ms.p50, 1], ["p90", p => p.total_ms.p90, 1], ["p99", p => p.total_ms.p99, 1],
+    ["worst", p => p.total_ms.max, 1], ["to blame for the longest", p => p.blame]]);
   table("operators", top.operators, [
     ["operator", o => o.operator], ["state", o => o.state], ["Hz", o => o.rate_hz, 1],
     ["step p50 ms", o => o.step_ms[0], 2], ["p99", o => o.step_ms[1], 2], ["age ms", o => o.age_ms[0], 1],
@@ -49,9 +52,10 @@ const show = top => {
     ["process", p => p.name], ["PID", p => p.pid, 0], ["CPU %", p => p.cpu_percent, 0],
     ["without a core %", p => p.delayed_percent, 1], ["MB", p => p.memory_bytes / 1e6, 0],
     ["priority", p => p.granted], ["cores", p => p.cores]]);
-  if (drawn++ % 4 === 0) of("graph").src = `graph.svg?${drawn}`;
+  table("ledger", top.ledger, [
+    ["topic", l => l.topic], ["input", l => l.consumer], ["sent", l => l.sent, 0], ["received", l => l.received, 0],
+    ["passed", l => l.passed, 0], ["overwritten", l => l.overwritten, 0], ["no memory", l => l.pool_exhausted, 0],
+    ["down", l => l.down, 0], ["waiting", l => l.left, 0]]);
+  table("log", top.log.slice(-40).reverse(), [
+    ["s", l => l.t, 1], ["level", l => l.level], ["operator", l => l.operator], ["message", l => l.message]]);
 };
-const events = new EventSource("events");
-events.onmessage = message => show(JSON.parse(message.data));
-events.addEventListener("end", () => { events.close(); of("about").textContent += ", the run has ended"; });
-events.onerror = () => { of("about").textContent = "no connection"; };
