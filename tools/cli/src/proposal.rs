@@ -13,10 +13,11 @@ use stillpoint_samples::{
     Sample, SampleKind, Verb,
 };
 
-use crate::answer::{LOOK, Tap, answering};
+use crate::answer::{LOOK, answering};
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::private;
+use crate::tap::Tap;
 
 /// Time within which a tracker has to report on a frame.
 const PATIENCE: Duration = Duration::from_secs(1);
