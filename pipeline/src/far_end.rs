@@ -161,7 +161,8 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         },
         laps: &[],
         fields: <() as Params>::FIELDS,
-        read: |reader| {
+        described: None,
+        read: |_, reader| {
             <() as Params>::read(reader)?;
             Some(CheckedParams {
                 value: Arc::new(()),
