@@ -162,7 +162,8 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         laps: &[],
         wire: None,
         fields: <() as Params>::FIELDS,
-        read: |reader| {
+        described: None,
+        read: |_, reader| {
             <() as Params>::read(reader)?;
             Some(CheckedParams {
                 value: Arc::new(()),

@@ -18,7 +18,7 @@
 //! - `live`: processes, supervisor, recorder; `simulated`: simulated and lock-step runs; `replay`: the journal's schedule
 //! - `what_if`: a session with a changed pipeline
 //! - `clock`: session time; `ledger`: the account of every edge; `stdout`: standard output while operators run
-//! - `limits`: the limits of the system that a run may meet
+//! - `limits`: the limits of the system that a run may meet; `program`: the program of this process
 //!
 //! A session:
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
@@ -47,6 +47,7 @@ pub mod live;
 mod null_sink;
 pub mod placement;
 mod pool_client;
+pub mod program;
 pub mod record;
 pub mod replay;
 mod restarts;

@@ -11,6 +11,7 @@ use crate::files::FileError;
 use crate::graph::{Graph, journal_topic, timing_topic};
 use crate::operator::Files;
 use crate::operator::Role;
+use crate::program::Program;
 use crate::run_source::RunSource;
 
 /// Name of the attachment that is the pipeline's text.
@@ -190,7 +191,7 @@ pub fn identity() -> BTreeMap<String, String> {
         ("profile".to_string(), if cfg!(debug_assertions) { "debug" } else { "release" }.to_string()),
         ("architecture".to_string(), std::env::consts::ARCH.to_string()),
     ]);
-    if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
+    if let Ok(bytes) = Program::here().and_then(|program| std::fs::read(program.code)) {
         facts.insert("build".to_string(), hex(&Sha256::digest(&bytes)));
     }
     if let Ok(text) = std::fs::read_to_string("/proc/cpuinfo") {

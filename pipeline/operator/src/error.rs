@@ -1,5 +1,15 @@
 //! Why an operator cannot be made, why a step failed, and why changed parameters are refused.
 
+/// Why the source of a kind of operator describes no kind.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{reason}")]
+pub struct DescribeError {
+    /// What is wrong, with the place in the source.
+    pub reason: String,
+    /// What to do.
+    pub help: String,
+}
+
 /// Why an operator cannot be set up, in a sentence that names what to change.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{0}")]

@@ -38,7 +38,7 @@ mod stage;
 mod wire_form;
 
 pub use activation::Activation;
-pub use error::{AdoptError, ParamConflict, SetupError, StepError};
+pub use error::{AdoptError, DescribeError, ParamConflict, SetupError, StepError};
 pub use feeder::{Feeder, FeederConflict};
 pub use files::{Files, FilesError};
 pub use kind::{FrameRule, Input, Kind, Output, Policy, Role, TIMING, Timer};
@@ -46,5 +46,5 @@ pub use operator::{ErasedOperator, Operator};
 pub use outputs::Outputs;
 pub use params::{Choice, Params};
 pub use setup::Setup;
-pub use stage::{Build, Registry, SET, SETTINGS, Stage};
+pub use stage::{Build, Describe, Registry, SET, SETTINGS, Stage};
 pub use wire_form::WireForm;

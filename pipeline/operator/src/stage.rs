@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use stillpoint_samples::{Sample, Setting, SettingAnswer};
 
-use crate::error::{ParamConflict, SetupError};
+use crate::error::{DescribeError, ParamConflict, SetupError};
 use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::{FrameRule, Input, Kind, Output, Policy, check_names};
@@ -23,6 +23,10 @@ pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn ErasedOperator
 /// Gives the files of which a run keeps a part, with that part.
 pub type CutFiles = fn(&[&CheckedParams], &dyn Files) -> Result<BTreeMap<String, Vec<u8>>, SetupError>;
 
+/// Describes a kind that is in no list, by its name in the config and the files of the pipeline: `ops/speed.py:Speed`.
+/// `None`: the name is not that of such a kind.
+pub type Describe = fn(&str, &dyn Files) -> Option<Result<Stage, DescribeError>>;
+
 /// A kind of operator in a family's list: what checker and executors need, without its type.
 #[derive(Clone, Copy)]
 pub struct Stage {
@@ -34,8 +38,10 @@ pub struct Stage {
     pub wire: Option<WireForm>,
     /// Parameters with defaults, units and ranges.
     pub fields: &'static [ParamField],
-    /// Reads the parameters of a config; faults go into the reader.
-    pub read: fn(&mut ParamReader<'_>) -> Option<CheckedParams>,
+    /// What the functions below need of a kind that was described at run time.
+    pub described: Option<&'static (dyn Any + Send + Sync)>,
+    /// Reads the parameters of a config for this stage; faults go into the reader.
+    pub read: fn(&Stage, &mut ParamReader<'_>) -> Option<CheckedParams>,
     /// Refuses parameters that do not go together.
     pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
     /// Refuses parameters that do not go together with the period of the timer, ns.
@@ -130,7 +136,8 @@ impl Stage {
             laps: T::LAPS,
             wire: T::WIRE,
             fields: <T::Params as Params>::FIELDS,
-            read: |reader| {
+            described: None,
+            read: |_, reader| {
                 let params = <T::Params as Params>::read(reader)?;
                 let given = reader.given().into();
                 Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved(), given })
@@ -174,16 +181,41 @@ pub(crate) fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T
     value.downcast_ref::<T::Params>().cloned()
 }
 
-/// All kinds of operators that a build knows, by name.
+/// All kinds of operators that a build knows, by name, and how it describes others.
 #[derive(Clone, Default)]
 pub struct Registry {
     stages: BTreeMap<&'static str, Stage>,
+    describe: Option<Describe>,
+    describe_recorded: Option<Describe>,
 }
 
 impl Registry {
     /// The kinds of these lists. A later entry of the same name replaces an earlier one.
     pub fn new(lists: &[&[Stage]]) -> Self {
-        Self { stages: lists.iter().flat_map(|l| l.iter()).map(|s| (s.kind.name, *s)).collect() }
+        let stages = lists.iter().flat_map(|l| l.iter()).map(|s| (s.kind.name, *s)).collect();
+        Self { stages, ..Self::default() }
+    }
+
+    /// The same registry, which describes kinds that are in no list; those of pipelines that sessions keep by `recorded`,
+    /// because the source of such a kind is code of someone else.
+    #[must_use]
+    pub fn describing(self, describe: Describe, recorded: Describe) -> Self {
+        Self { describe: Some(describe), describe_recorded: Some(recorded), ..self }
+    }
+
+    /// The same registry for a pipeline that a session keeps.
+    #[must_use]
+    pub fn for_recorded(&self) -> Self {
+        Self { describe: self.describe_recorded, ..self.clone() }
+    }
+
+    /// The kind of this name, of a list or described from these files. `None`: there is none.
+    ///
+    /// # Errors
+    /// The files describe no kind.
+    pub fn find(&self, name: &str, files: &dyn Files) -> Option<Result<Stage, DescribeError>> {
+        let listed = self.stages.get(name).copied().map(Ok);
+        listed.or_else(|| self.describe.and_then(|describe| describe(name, files)))
     }
 
     /// The kind of this name.

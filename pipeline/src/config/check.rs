@@ -107,7 +107,7 @@ fn pass(
     let whole = sets::apply(&mut root, sets, findings);
     let mut document = document::read(&root, findings)?;
     document.seed = whole.seed.unwrap_or(document.seed);
-    let wired = wiring::connect(&document, registry, findings);
+    let wired = wiring::connect(&document, registry, files, findings);
     let mut checked = Vec::new();
     for (parsed, wired) in document.operators.iter().zip(&wired) {
         let named = RefCell::new(Vec::new());
@@ -168,7 +168,7 @@ fn params(
     // A missing parameter is reported where the operator is: it has no place of its own.
     let place = parsed.name.span;
     let params =
-        (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))?;
+        (stage.read)(stage, &mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))?;
     let every = parsed.every.as_ref().map(|every| every.value);
     let fits = |()| every.map_or(Ok(()), |every| (stage.validate_period)(&params, every));
     let opens = |()| (stage.check_files)(&params, files);

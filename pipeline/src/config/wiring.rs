@@ -12,8 +12,10 @@ use super::operators::ParsedOperator;
 use super::source::{Marked, Span};
 use crate::far_end;
 use crate::graph::{Edge, Wire};
-use crate::operator::{Registry, Stage, TIMING, Timer};
+use crate::operator::{DescribeError, Files, Registry, Stage, TIMING, Timer};
 
+/// What stands between the file and the class of an operator in Python: `ops/speed.py:Speed`.
+const IN_PYTHON: &str = ".py:";
 /// Topics that a help line names.
 const LISTED: usize = 4;
 
@@ -44,9 +46,14 @@ impl Wired {
 }
 
 /// Looks up kinds and connects inputs.
-pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings) -> Vec<Wired> {
+pub fn connect(
+    document: &Document<'_>,
+    registry: &Registry,
+    files: &dyn Files,
+    findings: &Findings,
+) -> Vec<Wired> {
     let mut stages: Vec<Option<Stage>> =
-        document.operators.iter().map(|o| stage(o, registry, findings)).collect();
+        document.operators.iter().map(|o| stage(o, registry, files, findings)).collect();
     let numbers = document.numbers();
     for far in 0..stages.len() {
         if let Some(Wire::Host(_)) = document.operators[far].link {
@@ -58,19 +65,37 @@ pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings
     stages.into_iter().zip(wired).map(|(stage, inputs)| Wired { stage, inputs }).collect()
 }
 
-fn stage(parsed: &ParsedOperator<'_>, registry: &Registry, findings: &Findings) -> Option<Stage> {
+fn stage(
+    parsed: &ParsedOperator<'_>,
+    registry: &Registry,
+    files: &dyn Files,
+    findings: &Findings,
+) -> Option<Stage> {
     let kind = parsed.kind.as_ref()?;
-    let found = registry.get(&kind.value).copied();
-    if found.is_none() {
-        let kinds: Vec<&str> = registry.iter().map(|s| s.kind.name).collect();
-        findings.say(
+    match registry.find(&kind.value, files) {
+        Some(Ok(stage)) => return Some(stage),
+        Some(Err(DescribeError { reason, help })) => {
+            findings.say(kind.span, Code::UnknownKind, reason, help);
+        }
+        None if kind.value.contains(IN_PYTHON) => findings.say(
             kind.span,
             Code::UnknownKind,
-            format!("there is no kind of operator {}", shown(&kind.value)),
-            suggestion(&kind.value, kinds.iter().copied(), "kinds", findings),
-        );
+            format!("{} is an operator in Python, and this program has no interpreter", shown(&kind.value)),
+            "install the package stillpoint-rt, and write `python -m stillpoint_rt` in place of `stillpoint`",
+        ),
+        None => unknown(kind, registry, findings),
     }
-    found
+    None
+}
+
+fn unknown(kind: &Marked<String>, registry: &Registry, findings: &Findings) {
+    let kinds: Vec<&str> = registry.iter().map(|s| s.kind.name).collect();
+    findings.say(
+        kind.span,
+        Code::UnknownKind,
+        format!("there is no kind of operator {}", shown(&kind.value)),
+        suggestion(&kind.value, kinds.iter().copied(), "kinds", findings),
+    );
 }
 
 /// The far end of an edge between hosts: of the kind that takes what is sent. What is wrong with the topic is said elsewhere.

@@ -1,6 +1,7 @@
 //! The child processes of a supervisor: their start, the messages in both directions, and their end.
 
 use std::collections::VecDeque;
+use std::ffi::OsString;
 use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -24,6 +25,10 @@ const LAST_PATIENCE: Duration = Duration::from_secs(5);
 pub struct Launch {
     /// The program.
     pub program: PathBuf,
+    /// Its arguments in front of all others.
+    pub lead: Vec<OsString>,
+    /// Variables of its environment, in addition to those of this process.
+    pub environment: Vec<(String, String)>,
     /// Its argument that makes it a worker.
     pub worker: &'static str,
     /// Its argument that makes it a recorder.
@@ -116,6 +121,8 @@ impl Child {
             reason: StartError(reason),
         };
         let mut process = Command::new(&launch.program)
+            .args(&launch.lead)
+            .envs(launch.environment.iter().map(|(name, value)| (name, value)))
             .arg(role)
             // For those who look at a list of processes.
             .arg(name)

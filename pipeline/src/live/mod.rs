@@ -64,4 +64,4 @@ pub use recorder::recorder_main;
 pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
 pub use supervisor::{REFUSED, Supervisor};
 pub use wire::{TransportOf, transport_of};
-pub use worker::{worker_main, worker_main_over};
+pub use worker::{end_worker, worker_main, worker_main_over};

@@ -62,6 +62,14 @@ pub fn worker_main_over(registry: &Registry, transport_of: TransportOf) -> ExitC
     }
 }
 
+/// Ends this worker at once, because a step of an operator left what no operator of it may go on with. The supervisor
+/// gets the reason, and starts the next incarnation as after any death.
+pub fn end_worker(operator: &str, reason: &str) -> ! {
+    let (operator, reason) = (operator.to_owned(), reason.to_owned());
+    let _ = send_message(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
+    std::process::exit(70)
+}
+
 /// Keeps SIGINT, SIGTERM and SIGHUP from ending this process, which ends when its pipe ends; and SIGXFSZ.
 pub(super) fn ignore_interrupts() {
     fail_at_the_limit_of_file_sizes();

@@ -90,4 +90,26 @@ impl ReplayReport {
     pub fn is_identical(&self) -> bool {
         self.differences == 0 && self.open.is_empty() && self.gaps.is_empty()
     }
+
+    /// The result in one sentence.
+    pub fn verdict(&self) -> String {
+        match &self.first_difference {
+            Some(first) => format!("{} differences; the first: {first}", self.differences),
+            None if self.compared_nothing() => {
+                "nothing could be compared: no activation of these operators can be replayed".to_owned()
+            }
+            None if self.compared() == 0 && self.open.is_empty() => {
+                "the journals match; no sample could be compared, because the recording has no topic of these operators"
+                    .to_owned()
+            }
+            None if self.open.is_empty() && self.gaps.is_empty() => "identical".to_owned(),
+            None if self.open.is_empty() => {
+                "the recorded parts match; the session is not complete".to_owned()
+            }
+            None => format!(
+                "the parts that can be replayed match; {} incarnations cannot be replayed to their end",
+                self.open.len()
+            ),
+        }
+    }
 }

@@ -4,42 +4,17 @@ use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{Refusal, Sample, SampleKind, Target, TargetElement, Verb};
-use stillpoint_shm::{Received, Subscriber, Topic};
 
-use crate::attach::{Attached, Which};
+use crate::attach::Which;
 use crate::exit::Failure;
+use crate::tap::Tap;
 use stillpoint_report::target_refusals::words;
 
 /// Time within which an operator has to answer.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Interval at which its topic is read.
 pub const LOOK: Duration = Duration::from_millis(5);
-
-/// A topic of a running pipeline that is read without being a part of it.
-pub struct Tap {
-    /// Name of the topic.
-    pub name: String,
-    subscriber: Subscriber,
-    _topic: Topic,
-}
-
-impl Tap {
-    /// Opens the topic of an operator's output.
-    pub fn open(attached: &Attached, operator: usize, output: usize) -> Result<Self, Failure> {
-        let contract = contracts::output(&attached.graph, operator, output);
-        let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
-        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
-        subscriber.connect().map_err(Failure::failed)?;
-        Ok(Self { name: contract.topic, subscriber, _topic: topic })
-    }
-
-    /// The next sample, if there is one.
-    pub fn next(&self) -> Result<Option<Received>, Failure> {
-        self.subscriber.receive().map_err(Failure::failed)
-    }
-}
 
 /// The operators that take a command of a console and answer with samples of a kind, with that output.
 pub fn answering(graph: &Graph, console: &str, verb: Verb, kind: &SampleKind) -> Vec<(usize, usize)> {

@@ -14,8 +14,9 @@
 //! - `program`: how a program begins and ends, and its children: shared with `stillpoint-bench`
 //! - `exit`, `output`, `signals`: exit codes and failures, the two output streams, Ctrl-C
 //! - `pipeline_file`, `compress`, `quantity`: arguments of several subcommands
+//! - `rerun`: a session with a changed pipeline, computed and compared, for `replay` and for programs
 //! - `simulate`, `status_line`, `summary`: parts of `run`
-//! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
+//! - `attach`, `tap`, `answer`, `proposal`: a running pipeline, its topics, its answers: parts of `echo` and `send`
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
@@ -60,6 +61,7 @@ mod proposal;
 mod quantity;
 mod rates;
 mod recorded;
+mod rerun;
 mod screen;
 mod series;
 mod settings;
@@ -69,6 +71,7 @@ mod simulate;
 mod status_line;
 mod subject;
 mod summary;
+mod tap;
 mod top;
 mod upstream;
 mod version;
@@ -90,6 +93,11 @@ pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 pub use pool::{PoolArgs, print_shares};
 pub use program::{child, launch, program};
 pub use quantity::quantity;
+pub use rerun::{Computed, Rerun, RerunError};
+pub use tap::Tap;
+
+/// Exit code of a child process that failed.
+const CHILD_FAILED: u8 = 70;
 
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
@@ -118,15 +126,21 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 
 /// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
+    ExitCode::from(hosted_command(&registry(extra)))
+}
+
+/// The same with these kinds of operators, for a program inside of another one. Gives the exit code.
+pub fn hosted_command(registry: &Registry) -> u8 {
     stillpoint_pipeline::limits::fail_at_the_limit_of_file_sizes();
     if version::is_asked() {
         version::print();
-        return ExitCode::SUCCESS;
+        return 0;
     }
-    let registry = registry(extra);
-    child(&registry).unwrap_or_else(|| {
-        program("stillpoint", |arguments: Arguments| {
-            arguments.command.unwrap_or_else(|| Command::Run(Run::default())).execute(&registry)
-        })
-    })
+    match child(registry) {
+        Some(ExitCode::SUCCESS) => 0,
+        Some(_) => CHILD_FAILED,
+        None => program::executed("stillpoint", |arguments: Arguments| {
+            arguments.command.unwrap_or_else(|| Command::Run(Run::default())).execute(registry)
+        }) as u8,
+    }
 }

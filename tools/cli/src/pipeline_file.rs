@@ -1,5 +1,6 @@
 //! Reading and checking the file of a pipeline.
 
+use std::fmt::{Display, Formatter};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -68,13 +69,20 @@ pub enum Refused {
     Faults(Faults),
 }
 
+impl Display for Refused {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unreadable { file, reason } => write!(f, "{}: {reason}; {NAME_ONE}", file.display()),
+            Self::Faults(faults) => faults.fmt(f),
+        }
+    }
+}
+
 impl Refused {
     /// Ends the command: prints the reason as `check --json` does, or as text for people.
     pub fn end(self, json: bool) -> Ended {
         let faults = match self {
-            Self::Unreadable { file, reason } if !json => {
-                return Err(Failure::wrong(format!("{}: {reason}; {NAME_ONE}", file.display())));
-            }
+            Self::Unreadable { .. } if !json => return Err(Failure::wrong(self)),
             Self::Faults(faults) if !json => {
                 errln!("{faults}");
                 return Ok(Exit::Wrong);

@@ -1,10 +1,12 @@
 //! The start and the end of a program, and the start of its child processes.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Parser;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::{Launch, recorder_main, worker_main};
+use stillpoint_pipeline::program::Program;
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::output;
@@ -19,13 +21,13 @@ const RECORDER: &str = "__recorder";
 /// # Errors
 /// The path of this program is not known.
 pub fn launch() -> Result<Launch, Failure> {
-    let program = std::env::current_exe().map_err(Failure::failed)?;
-    Ok(Launch { program, worker: WORKER, recorder: RECORDER })
+    let Program { executable, lead, environment, .. } = Program::here().map_err(Failure::failed)?;
+    Ok(Launch { program: executable, lead, environment, worker: WORKER, recorder: RECORDER })
 }
 
 /// Runs this process as a worker or a recorder if its first argument says so, and gives the exit code.
 pub fn child(registry: &Registry) -> Option<ExitCode> {
-    match std::env::args_os().nth(1)?.to_str()? {
+    match Program::arguments().first()?.to_str()? {
         WORKER => Some(worker_main(registry)),
         RECORDER => Some(recorder_main(registry)),
         _ => None,
@@ -34,8 +36,14 @@ pub fn child(registry: &Registry) -> Option<ExitCode> {
 
 /// Parses and executes the arguments. Prints the reason of a failure on standard error after the `name` of the program.
 pub fn program<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> ExitCode {
+    executed(name, execute).into()
+}
+
+/// The same with the exit code as it is named.
+pub fn executed<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> Exit {
     quiet_panics();
-    let ended = match A::try_parse() {
+    let arguments = std::iter::once(OsString::from(name)).chain(Program::arguments());
+    let ended = match A::try_parse_from(arguments) {
         Ok(arguments) => execute(arguments),
         Err(answer) => {
             output::checked(answer.print());
@@ -46,10 +54,10 @@ pub fn program<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> ExitC
         errln!("{name}: {}", failure.text);
         failure.exit
     });
-    let Some(reason) = output::finish() else { return exit.into() };
+    let Some(reason) = output::finish() else { return exit };
     errln!("{name}: standard output cannot be written: {reason}");
     // The exit code of a command that failed says more than that its output was lost.
-    if exit == Exit::Done { Exit::Failed.into() } else { exit.into() }
+    if exit == Exit::Done { Exit::Failed } else { exit }
 }
 
 /// Replaces the message of panics. A panic of an operator is contained and journalled, and the run reports it, so no

@@ -12,10 +12,11 @@ use stillpoint_samples::{
     SampleKind, Verb,
 };
 
-use crate::answer::{LOOK, Tap, answering};
+use crate::answer::{LOOK, answering};
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::private;
+use crate::tap::Tap;
 use crate::upstream::{image_behind, input_of};
 
 /// Time within which a tracker has to report on a frame.

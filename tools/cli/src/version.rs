@@ -1,11 +1,11 @@
 //! `stillpoint --version`: what a report of a fault needs. A replay is exact on the same build and CPU features.
 
+use stillpoint_pipeline::program::Program;
 use stillpoint_pipeline::session::identity;
 
 /// Whether the command line is `--version` alone. Clap would evaluate the text of it at every start.
 pub fn is_asked() -> bool {
-    let mut arguments = std::env::args_os().skip(1);
-    arguments.next().is_some_and(|first| first == "--version") && arguments.next().is_none()
+    Program::arguments() == ["--version"]
 }
 
 /// Prints version, build and CPU.

@@ -82,8 +82,9 @@ pub fn recorded_pipeline(
     let mut sets: Vec<String> = serde_json::from_str(&text(SETS)?)
         .map_err(|e| SessionPipelineError::Unreadable { name: SETS, reason: e.to_string() })?;
     let files = SessionFiles::of(session);
+    let registry = registry.for_recorded();
     let check = |sets: &[String]| {
-        config::check(&source, PIPELINE, sets, registry, &files).map_err(SessionPipelineError::Faults)
+        config::check(&source, PIPELINE, sets, &registry, &files).map_err(SessionPipelineError::Faults)
     };
     let mut graph = check(&sets)?;
     let former = former_defaults(&graph, &recorded(session)?);

@@ -147,14 +147,10 @@ pub fn changed(
         true => {
             let named = RefCell::default();
             let place = Span { source: LIVE, ..Span::default() };
-            (stage.read)(&mut ParamReader::new(
-                &given,
-                stage.kind.name,
-                place,
-                &findings,
-                &Everything,
-                &named,
-            ))
+            (stage.read)(
+                stage,
+                &mut ParamReader::new(&given, stage.kind.name, place, &findings, &Everything, &named),
+            )
         }
         false => None,
     };

@@ -141,6 +141,14 @@ impl<'a> ParamReader<'a> {
         );
     }
 
+    /// Adds a file that the operator reads though no parameter names it, such as its own source.
+    pub fn reads(&self, name: &str) {
+        let mut named = self.named.borrow_mut();
+        if !named.iter().any(|known| known == name) {
+            named.push(name.to_owned());
+        }
+    }
+
     /// Checks that a file is there, or files are, and keeps the name: that of a folder with the pattern of the files that
     /// are meant.
     pub(super) fn file(&self, node: &Node, field: &ParamField, name: &str) -> Option<String> {
@@ -173,10 +181,7 @@ impl<'a> ParamReader<'a> {
             self.complain(node, field, Complaint::new(Code::FileMissing, message, help));
             return None;
         }
-        let mut named = self.named.borrow_mut();
-        if !named.contains(&name) {
-            named.push(name.clone());
-        }
+        self.reads(&name);
         Some(name)
     }
 }

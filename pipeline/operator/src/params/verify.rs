@@ -38,7 +38,7 @@ pub fn verify(stage: &Stage) -> Result<(), VerifyError> {
     let kind = stage.kind.name;
     verify_fields(stage.fields).map_err(|fault| VerifyError { kind, fault })?;
     let (findings, named) = (Findings::default(), RefCell::new(Vec::new()));
-    (stage.read)(&mut ParamReader::new(&[], kind, Span::default(), &findings, &Everything, &named));
+    (stage.read)(stage, &mut ParamReader::new(&[], kind, Span::default(), &findings, &Everything, &named));
     let faults = findings.into_faults(Default::default());
     match faults.list().iter().find(|f| f.code != Code::MissingParam) {
         Some(fault) => Err(VerifyError { kind, fault: DeclarationFault::Read(fault.message.clone()) }),

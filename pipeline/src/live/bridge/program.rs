@@ -35,5 +35,5 @@ pub fn bridge_launch(launch: &Launch) -> Result<Launch, BridgeMissing> {
     if !program.is_file() {
         return Err(BridgeMissing { place: program });
     }
-    Ok(Launch { program, worker: ROLE, recorder: launch.recorder })
+    Ok(Launch { program, lead: Vec::new(), environment: Vec::new(), worker: ROLE, recorder: launch.recorder })
 }

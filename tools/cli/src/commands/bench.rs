@@ -7,6 +7,8 @@ use std::process::Command;
 
 use clap::Args;
 
+use stillpoint_pipeline::program::Program;
+
 use crate::exit::{Ended, Failure};
 
 /// Name of the program that measures.
@@ -24,7 +26,7 @@ pub struct Bench {
 impl Bench {
     /// Replaces this process by the program that measures.
     pub fn execute(&self) -> Ended {
-        let command = std::env::current_exe().map_err(Failure::failed)?;
+        let command = Program::here().map_err(Failure::failed)?.executable;
         let program = command.with_file_name(PROGRAM);
         if !program.is_file() {
             return Err(Failure::failed(format!(

@@ -5,6 +5,8 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::Command;
 
+use stillpoint_pipeline::program::Program;
+
 use crate::exit::{Ended, Failure};
 
 const PROGRAM: &str = "stillpoint-bridge";
@@ -14,7 +16,7 @@ const PROGRAM: &str = "stillpoint-bridge";
 /// # Errors
 /// The other program is not there, or cannot be started.
 pub fn hand_over() -> Ended {
-    let error = command()?.args(std::env::args_os().skip(1)).exec();
+    let error = command()?.args(Program::arguments()).exec();
     Err(Failure::failed(format!("{PROGRAM} cannot be started: {error}")))
 }
 
@@ -25,7 +27,7 @@ pub fn hand_over() -> Ended {
 pub fn command() -> Result<Command, Failure> {
     let sibling = match std::env::var_os("STILLPOINT_BRIDGE") {
         Some(named) => PathBuf::from(named),
-        None => std::env::current_exe().map_err(Failure::failed)?.with_file_name(PROGRAM),
+        None => Program::here().map_err(Failure::failed)?.executable.with_file_name(PROGRAM),
     };
     if sibling.is_file() {
         return Ok(Command::new(sibling));

@@ -6,19 +6,16 @@ use std::time::Duration;
 
 use clap::Args;
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::config::near::nearest;
-use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::live::contracts;
 use stillpoint_recorder::Session;
-use stillpoint_samples::{Diagnostics, Journal, Pieces, Sample, SampleKind};
-use stillpoint_shm::{Contract, Topic};
+use stillpoint_samples::{Pieces, SampleKind};
 
-use crate::attach::{Attached, Which};
+use crate::attach::Which;
 use crate::exit::{Ended, Exit, Failure};
 use crate::number::Angles;
 use crate::path::ValuePath;
 use crate::recorded::with_topics;
 use crate::signals::stop_flag;
+use crate::tap::{Tap, no_topic};
 use crate::{screen, show};
 
 /// Print the samples of a topic of a running pipeline or a session: codes in words, values with their units.
@@ -86,19 +83,16 @@ impl Echo {
     }
 
     fn live(&self, registry: &Registry) -> Ended {
-        let Attached { graph, domain, root, .. } = self.which.attach(registry)?;
-        let (contract, kind) = find(&graph, &self.topic)?;
+        let attached = self.which.attach(registry)?;
+        let (tap, kind) = Tap::of_topic(&attached, &self.topic)?;
         let printer = Printer::new(self, kind)?;
-        let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
-        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
-        subscriber.connect().map_err(Failure::failed)?;
         let stop = stop_flag()?;
         let mut shown = 0;
         loop {
             // Asked before the look: what was sent until the end is shown, too.
-            let over = stop.load(Ordering::Relaxed) || !self.which.is_going_on(&root);
+            let over = stop.load(Ordering::Relaxed) || !self.which.is_going_on(&attached.root);
             // Polled: a listener would cost the publisher time.
-            while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
+            while let Some(sample) = tap.next()? {
                 let text = printer.text(sample.pieces());
                 // Back to its publisher before a slow reader is waited for.
                 drop(sample);
@@ -133,33 +127,6 @@ impl<'a> Printer<'a> {
             (false, false) => screen::of_values(self.kind, sample, &self.paths, angles),
         }
     }
-}
-
-/// The contract of a topic of a graph, and the kind of its samples.
-fn find(graph: &Graph, topic: &str) -> Result<(Contract, &'static SampleKind), Failure> {
-    if let Some((operator, port)) = graph.topic(topic) {
-        let kind = graph.operators[operator].stage.kind.outputs[port].sample;
-        return Ok((contracts::output(graph, operator, port), kind));
-    }
-    let numbers = || 0..graph.operators.len();
-    if let Some(timing) = numbers().filter_map(|o| contracts::timing(graph, o)).find(|c| c.topic == topic) {
-        return Ok((timing, Diagnostics::KIND));
-    }
-    if let Some(journal) = numbers().map(|o| contracts::journal(graph, o)).find(|c| c.topic == topic) {
-        return Ok((journal, Journal::KIND));
-    }
-    let outputs = graph.operators.iter().flat_map(|o| o.outputs.iter().map(|p| p.topic.clone()));
-    let measured = numbers().filter_map(|o| Some(contracts::timing(graph, o)?.topic));
-    let all: Vec<String> = outputs.chain(measured).collect();
-    Err(no_topic(topic, all.iter().map(String::as_str)))
-}
-
-/// There is no topic of this name: the nearest name, and all that there are.
-pub fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
-    let all: Vec<&str> = all.collect();
-    let near =
-        nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
-    Failure::wrong(format!("there is no topic `{topic}`{near}; there are {}", all.join(", ")))
 }
 
 /// Prints a line. False if the reader of standard output has gone.

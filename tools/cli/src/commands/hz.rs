@@ -9,12 +9,12 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::quantity;
 use stillpoint_recorder::Session;
 
-use super::echo::no_topic;
 use crate::attach::Which;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::rates::{Rate, Rates, of_run, of_session};
 use crate::recorded::with_topics;
+use crate::tap::no_topic;
 
 /// Measure the rates of topics and their jitter, from the journals: of a running pipeline for a time, or of a whole session.
 #[derive(Args)]

@@ -17,10 +17,11 @@ use stillpoint_report::facts::layout;
 use stillpoint_report::pipeline_of;
 use stillpoint_samples::Entry;
 
-use super::what_if::{WhatIfArgs, add_metadata};
+use super::what_if::WhatIfArgs;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
+use crate::rerun::add_metadata;
 
 /// Replay a session from its journals and compare every recorded topic byte by byte; or, with `--set`, compute what a
 /// change would have done.
@@ -174,26 +175,7 @@ impl Replay {
             1 => "; 1 sample of a recorded topic is not in the recording".to_owned(),
             n => format!("; {n} samples of recorded topics are not in the recording"),
         };
-        let verdict = match &report.first_difference {
-            Some(first) => format!("{} differences; the first: {first}", report.differences),
-            None if report.compared_nothing() => {
-                "nothing could be compared: no activation of these operators can be replayed".to_string()
-            }
-            None if report.compared() == 0 && report.open.is_empty() => {
-                "the journals match; no sample could be compared, because the recording has no topic of these operators"
-                    .to_string()
-            }
-            None if report.open.is_empty() && report.gaps.is_empty() => "identical".to_string(),
-            None if report.open.is_empty() => {
-                "the recorded parts match; the session is not complete".to_string()
-            }
-            None => {
-                format!(
-                    "the parts that can be replayed match; {} incarnations cannot be replayed to their end",
-                    report.open.len()
-                )
-            }
-        };
+        let verdict = report.verdict();
         outln!(
             "{verdict}{missing}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
              ({speed:.1}x real time)",

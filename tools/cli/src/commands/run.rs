@@ -12,12 +12,12 @@ use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_recorder::Session;
 
-use super::what_if::add_metadata;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::metrics::Metrics;
 use crate::pipeline_file::{Checked, PipelineFile};
 use crate::program::launch;
+use crate::rerun::add_metadata;
 use crate::signals::{stop_flag, stop_flag_of_this_process};
 use crate::simulate::{Place, simulate};
 use crate::status_line::StatusLine;

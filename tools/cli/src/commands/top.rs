@@ -15,13 +15,13 @@ use stillpoint_report::pipeline_of;
 use stillpoint_samples::Pieces;
 
 use super::hz::watched;
-use crate::answer::Tap;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::journals::LOOK;
 use crate::number::Angles;
 use crate::screen;
 use crate::settings::Values;
 use crate::subject::{Of, Subject};
+use crate::tap::Tap;
 use crate::top::{Panel, Snapshot, View, Watch, draw, plain};
 
 /// Interval at which the screen is drawn.

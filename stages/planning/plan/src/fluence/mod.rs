@@ -5,7 +5,7 @@
 //! - `modulation`: how uneven the fluence of a beam may be
 //! - `aim`: what the dose is like where an objective is fulfilled
 //! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
-//! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
+//! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there; `value`: what weights cost
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
@@ -33,6 +33,7 @@ mod region;
 mod rows;
 mod shapes;
 mod text;
+mod value;
 
 pub use aim::Aim;
 pub use certificate::Certificate;
@@ -47,3 +48,4 @@ pub use shapes::{
     Objective, ObjectiveSpec, Overdose, StructurePart, Underdose,
 };
 pub use text::{Dose, DoseBound, DvhText, Length, Reading, Volume};
+pub use value::ObjectiveValue;

@@ -31,6 +31,8 @@ fn solve(requested: &[StructureObjectives], matrix: &Csc) -> (Plan, Vec<f64>) {
         assert!((reported - expected).abs() < 1e-9 * (1.0 + expected), "{reported} {expected}");
     }
     assert!(goals.cost(&dose[1..]).is_err());
+    let (value, expected) = (problem.value(&plan.weights).unwrap().cost, goals.cost(&dose).unwrap());
+    assert!((value - expected).abs() < 1e-5 * (1.0 + expected), "{value} {expected}");
     (plan, dose)
 }
 
@@ -111,6 +113,42 @@ fn requested(objectives: [Vec<Objective>; 2]) -> Vec<StructureObjectives> {
             objectives: organ,
         },
     ]
+}
+
+/// Every shape on one set of weights, away from the places where doses are equal.
+#[test]
+fn the_slope_of_the_objective_is_its_difference_quotient() {
+    let values: Vec<f32> = (0..5 * VOXELS).map(|i| 0.2 + ((i * 37) % 59) as f32 / 59.0).collect();
+    let matrix = matrix(&values);
+    let organ = vec![
+        Overdose { dose: 20.0, weight: 1.5 }.into(),
+        FallOff { near: 50.0, far: 10.0, over_mm: 9.0, weight: 3.0 }.into(),
+        MeanDose { dose: 12.0, weight: 2.0 }.into(),
+        DvhAtMost { dose: 25.0, volume: 0.4, weight: 4.0 }.into(),
+        Geud { a: 6.0, bound: Bound::AtMost, dose: 18.0, weight: 0.5 }.into(),
+    ];
+    let target = vec![
+        Underdose { dose: 60.0, weight: 2.0 }.into(),
+        Homogeneity { weight: 3.0 }.into(),
+        DvhAtLeast { dose: 58.0, volume: 0.8, weight: 2.0 }.into(),
+        MeanAtLeast { dose: 61.0, weight: 1.0 }.into(),
+    ];
+    let goals = Goals::new(requested([target, organ]), VOXELS).unwrap();
+    let rows = Rows::from_columns(matrix.view()).unwrap();
+    let problem = goals.problem(&[rows.view().into()]).unwrap();
+    assert_eq!(problem.bixels(), 5);
+    let weights = [11.0, 7.0, 19.0, 3.0, 13.0];
+    let found = problem.value(&weights).unwrap();
+    for (bixel, slope) in found.slope.iter().enumerate() {
+        let at = |step: f64| {
+            let mut moved = weights;
+            moved[bixel] += step;
+            problem.value(&moved).unwrap().cost
+        };
+        let quotient = (at(1e-4) - at(-1e-4)) / 2e-4;
+        assert!((slope - quotient).abs() < 1e-5 * (1.0 + slope.abs()), "{bixel}: {slope} {quotient}");
+    }
+    assert!(problem.value(&weights[1..]).is_err());
 }
 
 fn prescribed() -> Vec<Objective> {

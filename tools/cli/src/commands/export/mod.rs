@@ -15,10 +15,10 @@ use serde_json::json;
 use stillpoint_pipeline::config::quantity::nanoseconds;
 use stillpoint_recorder::{Role, Session};
 
-use super::echo::no_topic;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
+use crate::tap::no_topic;
 
 /// Write topics of a session as CSV tables or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
 ///
