@@ -21,6 +21,8 @@ const BEAMS: usize = 9;
 const BIXEL_MM: f64 = 15.0;
 const GRID_MM: f64 = 5.0;
 const SOLVES: usize = 96;
+/// Leaves under way.
+const LEAVES: NonZeroUsize = NonZeroUsize::new(32).unwrap();
 
 struct Setup {
     engine: DoseEngine,
@@ -68,11 +70,12 @@ impl Setup {
     fn search(&self, doses: &RingDoses, solver: Option<&mut dyn Solver>) -> Vec<u8> {
         let budget = Budget { solves: SOLVES };
         let evaluator = Evaluator::new(doses, &self.goals, self.ring, BEAMS, budget);
-        let mut evaluator = match solver {
+        let evaluator = match solver {
             Some(solver) => evaluator.with_solver(solver),
             None => evaluator,
         };
-        let method = Method::Search(SearchOptions { batch: 64, ..SearchOptions::default() });
+        let mut evaluator = evaluator.with_leaves(LEAVES);
+        let method = Method::Search(SearchOptions::default());
         answer::of_plan(&choose(&method, &mut evaluator, None, 0).unwrap().best.plan)
     }
 }

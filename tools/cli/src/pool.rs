@@ -33,6 +33,11 @@ pub struct PoolArgs {
 }
 
 impl PoolArgs {
+    /// Whether a pool was named.
+    pub fn is_given(&self) -> bool {
+        self.pool.is_some()
+    }
+
     /// The pool, if one was named. A child process carries the messages, with the certificate that was named.
     ///
     /// # Errors

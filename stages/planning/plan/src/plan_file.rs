@@ -345,6 +345,9 @@ pub struct PlanFileSearch {
     pub method: MethodName,
     /// Most solves.
     pub budget: usize,
+    /// Leaves that the search had under way at most; 1 in files of builds that wrote none.
+    #[serde(default = "one")]
+    pub leaves: usize,
     /// Why the search ended.
     pub ended: String,
     /// The least cost.
@@ -357,6 +360,10 @@ pub struct PlanFileSearch {
     pub prices: usize,
     /// Every solve.
     pub history: Vec<PlanFileSolve>,
+}
+
+fn one() -> usize {
+    1
 }
 
 /// A solve.

@@ -525,9 +525,10 @@ fn spec(params: &OptimizerParams, setup: &Setup<'_>) -> Result<SetupSpec, SetupE
 fn search(params: &OptimizerParams) -> Result<Search, SetupError> {
     let search = Search {
         priors: params.prior.iter().map(|prior| PriorName::from(*prior)).collect(),
+        leaves: params.leaves as usize,
         ..Search::of_method(MethodName::from(params.method))
     };
-    search.check_names().map_err(|e| SetupError(format!("`method` and `prior`: {e}")))?;
+    search.check_names().map_err(|e| SetupError(format!("`method`, `prior` and `leaves`: {e}")))?;
     Ok(search)
 }
 

@@ -154,6 +154,10 @@ pub struct OptimizerParams {
     /// it, the network is the one that comes with stillpoint.
     #[param(file)]
     pub network: Option<String>,
+    /// Leaves that the methods `exchange` and `search` have under way at most, as `--leaves` of `stillpoint plan`: so many
+    /// workers of a pool have work. The plans depend on it.
+    #[param(default = 1, min = 1, max = 64)]
+    pub leaves: u64,
     /// Number of gantry angles, equally spaced from 0. Beams of a plan are at least 20 degrees apart.
     #[param(default = 36, min = 6, max = 90)]
     pub angles: u64,

@@ -53,10 +53,12 @@ impl Remote {
 pub struct Waits(Requested);
 
 impl Job {
-    /// Calls that the work needs now and that were not asked before; none while answers are awaited, and at the end.
+    /// Calls that the work can use now and that were not asked before; none while it cannot go on without an answer that is
+    /// awaited, and at the end.
     pub fn calls(&mut self, patient: &Patient, build: &Build) -> Result<Vec<Call>, StepError> {
         self.remote.build.get_or_insert_with(|| build.clone());
-        if self.remote.complete || !self.remote.open.calls.is_empty() {
+        let open = &self.remote.open;
+        if self.remote.complete || open.awaited.iter().any(|key| open.calls.contains_key(key)) {
             return Ok(Vec::new());
         }
         self.remote.news = true;
@@ -65,19 +67,26 @@ impl Job {
         } else {
             // The search goes on as far as it can: the parts follow.
             let found = self.search_by_answers(patient, usize::MAX)?;
+            let Err(Waits(requested)) = found else {
+                self.remote.complete = true;
+                self.remote.answers.clear();
+                self.remote.open = Requested::default();
+                return Ok(Vec::new());
+            };
             // The memo has what the search took.
-            self.remote.answers.clear();
-            match found {
-                Ok(_) => {
-                    self.remote.complete = true;
-                    Requested::default()
-                }
-                Err(Waits(requested)) => requested,
-            }
+            let Requested { awaited, begun, .. } = &requested;
+            self.remote.answers.retain(|key, _| awaited.contains(key) || begun.contains(key));
+            requested
         };
         self.remote.asked.extend(requested.calls.keys());
-        self.remote.open = requested;
-        Ok(self.remote.open.calls.values().cloned().collect())
+        let open = &mut self.remote.open;
+        let fresh = requested.calls.into_iter().filter(|(key, _)| !open.calls.contains_key(key));
+        let fresh: Vec<(Hash, Call)> = fresh.collect();
+        let calls = fresh.iter().map(|(_, call)| call.clone()).collect();
+        open.calls.extend(fresh);
+        open.plans.extend(requested.plans);
+        (open.awaited, open.begun) = (requested.awaited, requested.begun);
+        Ok(calls)
     }
 
     fn dose_calls(&mut self, patient: &Patient, build: &Build) -> Result<Requested, StepError> {
@@ -92,6 +101,7 @@ impl Job {
                 let call = Call::Dose { engine, gantry_deg: patient.ring().angle_deg(beam) };
                 let key = call.key(build);
                 self.remote.beams.insert(key, beam);
+                requested.awaited.insert(key);
                 requested.calls.insert(key, call);
             }
         }
@@ -135,9 +145,13 @@ impl Job {
             // No work on a request is a game.
             Call::Game { .. } => {}
         }
-        if self.remote.open.calls.is_empty() {
-            self.remote.open.plans.clear();
-        }
+        let open = &mut self.remote.open;
+        let is_named = |plan: &Hash| {
+            open.calls
+                .values()
+                .any(|call| matches!(call, Call::Price { base: Some(base), .. } if base == plan))
+        };
+        open.plans.retain(|plan, _| is_named(plan));
         Ok(())
     }
 

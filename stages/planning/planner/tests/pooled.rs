@@ -250,6 +250,16 @@ fn updates_over_a_pool_are_those_without_one_whatever_happens_to_workers_and_mes
 }
 
 #[test]
+fn updates_over_a_pool_are_those_without_one_with_several_leaves_under_way() {
+    let wide = ", method: search, leaves: 4";
+    let expected = updates(&play(None, wide, 40));
+    assert!(expected.len() > 10 && expected != updates(&play(None, ", method: search", 40)));
+    let run = play(Some("use: test.crew, params: { workers: 3, fault: storm }"), wide, 40);
+    assert!(updates(&run) == expected, "{:?}", reported(&run));
+    assert!(metric(&run, "calls_by_workers") > 10.0);
+}
+
+#[test]
 fn without_a_network_all_is_computed_here_at_the_same_ticks() {
     let (without, alone) = (play(None, "", 40), play(Some("use: test.no_network"), "", 40));
     assert!(updates(&alone) == updates(&without));

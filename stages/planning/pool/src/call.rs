@@ -83,6 +83,15 @@ impl Kind {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Dose, Self::Solve, Self::Price, Self::Game];
 
+    /// The longest answer to such a call, bytes: what is said to be longer is not fetched.
+    pub fn longest_answer(self) -> u64 {
+        match self {
+            Self::Dose => 1 << 30,
+            Self::Solve | Self::Game => 256 << 20,
+            Self::Price => 64 << 10,
+        }
+    }
+
     /// Its name.
     pub fn word(self) -> &'static str {
         match self {
@@ -102,6 +111,14 @@ impl Call {
             Self::Solve { .. } => Kind::Solve,
             Self::Price { .. } => Kind::Price,
             Self::Game { .. } => Kind::Game,
+        }
+    }
+
+    /// Candidates of a call for prices; none of other calls.
+    pub fn candidates(&self) -> usize {
+        match self {
+            Self::Price { candidates, .. } => candidates.len(),
+            Self::Dose { .. } | Self::Solve { .. } | Self::Game { .. } => 0,
         }
     }
 

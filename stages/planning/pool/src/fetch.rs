@@ -15,6 +15,8 @@ const TRIES: u32 = 15;
 /// A content on its way.
 pub struct Fetch {
     content: Hash,
+    /// The longest that it can be, bytes.
+    most: u64,
     /// Times that a part is asked for.
     tries: u32,
     /// Bytes of all parts so far without a gap: memory grows only with what arrives.
@@ -34,8 +36,8 @@ pub enum FetchError {
     #[error("the parts of {0:.16} do not fit together")]
     Parts(Hash),
     /// It is too long.
-    #[error("{0:.16} has {1} bytes; at most {LONGEST_CONTENT} are fetched")]
-    Long(Hash, u64),
+    #[error("{0:.16} is said to have {1} bytes; at most {2} are fetched")]
+    Long(Hash, u64, u64),
     /// What arrived is something else.
     #[error("what arrived as {0:.16} has the SHA-256 {1:.16}")]
     Other(Hash, Hash),
@@ -49,6 +51,7 @@ impl Fetch {
     pub fn new(content: Hash) -> Self {
         Self {
             content,
+            most: LONGEST_CONTENT,
             tries: TRIES,
             bytes: Vec::new(),
             early: BTreeMap::new(),
@@ -56,6 +59,12 @@ impl Fetch {
             asked: BTreeMap::new(),
             overtaken: BTreeSet::new(),
         }
+    }
+
+    /// Refuses the content if it is said to have more bytes than these.
+    pub fn at_most(mut self, most: u64) -> Self {
+        self.most = most.min(LONGEST_CONTENT);
+        self
     }
 
     /// Asks for each part at most so often.
@@ -102,8 +111,8 @@ impl Fetch {
     /// # Errors
     /// The part does not fit, or the content is not what its name says.
     pub fn take(&mut self, part: u32, length: u64, bytes: Vec<u8>) -> Result<Option<Vec<u8>>, FetchError> {
-        if length > LONGEST_CONTENT {
-            return Err(FetchError::Long(self.content, length));
+        if length > self.most {
+            return Err(FetchError::Long(self.content, length, self.most));
         }
         if *self.length.get_or_insert(length) != length || bytes.len() as u64 != length_of(part, length) {
             return Err(FetchError::Parts(self.content));
@@ -223,6 +232,15 @@ mod tests {
         assert!(fetch.wants(5).unwrap().is_empty());
         assert_eq!(fetch.wants(4 + RETRY).unwrap(), [7]);
         assert_eq!(take(&mut fetch, 7), Some(content.clone()));
+    }
+
+    #[test]
+    fn a_content_that_is_said_to_be_longer_than_it_can_be_is_refused_at_its_first_part() {
+        let hash = Hash::of(b"wanted");
+        let mut fetch = Fetch::new(hash).at_most(PART as u64);
+        fetch.wants(0).unwrap();
+        let long = PART as u64 + 1;
+        assert_eq!(fetch.take(0, long, vec![1; PART]), Err(FetchError::Long(hash, long, PART as u64)));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! A search that is begun again with the answers, and with the memo of the run before, goes on behind the place where it
 //! waited: so a search needs no thread of its own that waits.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use stillpoint_plan::beams::{BeamSet, Evaluated, Solver, Stop};
@@ -27,6 +27,10 @@ pub struct Requested {
     pub calls: BTreeMap<Hash, Call>,
     /// The plans that they name, by name.
     pub plans: BTreeMap<Hash, Vec<u8>>,
+    /// Keys of the calls without which the search cannot go on. The others are of leaves that it takes later.
+    pub awaited: BTreeSet<Hash>,
+    /// Keys of solves that were begun and are not taken yet.
+    pub begun: BTreeSet<Hash>,
 }
 
 impl<'a, I: DoseFiles + ?Sized> LaterSolver<'a, I> {
@@ -49,11 +53,18 @@ impl<'a, I: DoseFiles + ?Sized> LaterSolver<'a, I> {
         let keys: Vec<Hash> = calls.iter().map(|call| call.key(self.build)).collect();
         let known: Option<Vec<&[u8]>> =
             keys.iter().map(|key| Some(self.answers.get(key)?.as_slice())).collect();
-        if known.is_none() {
-            let missing = keys.into_iter().zip(calls).filter(|(key, _)| !self.answers.contains_key(key));
-            self.requested.calls.extend(missing);
+        match known {
+            Some(_) => self.requested.begun.retain(|key| !keys.contains(key)),
+            None => {
+                self.requested.awaited.extend(&keys);
+                self.request(keys.into_iter().zip(calls));
+            }
         }
         known
+    }
+
+    fn request(&mut self, calls: impl Iterator<Item = (Hash, Call)>) {
+        self.requested.calls.extend(calls.filter(|(key, _)| !self.answers.contains_key(key)));
     }
 }
 
@@ -74,13 +85,24 @@ impl<I: DoseFiles + ?Sized> Solver for LaterSolver<'_, I> {
         setup.evaluated(sets, &answers).or_else(|_| setup.local().solve(sets, near, tolerance))
     }
 
+    fn begin(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>, tolerance: f64) -> Result<(), Stop> {
+        if sets.iter().all(|set| !set.beams().is_empty() && self.setup.holds(set.beams())) {
+            let calls = self.setup.solve_calls(sets, near, tolerance);
+            let keyed: Vec<(Hash, Call)> =
+                calls.into_iter().map(|call| (call.key(self.build), call)).collect();
+            self.requested.begun.extend(keyed.iter().map(|(key, _)| *key));
+            self.request(keyed.into_iter());
+        }
+        Ok(())
+    }
+
     fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         let setup = self.setup;
         if candidates.is_empty() || !setup.holds(candidates) {
             return setup.local().price(base, candidates);
         }
         let (calls, plan) = setup.price_calls(base, candidates);
-        let counts: Vec<usize> = calls.iter().map(priced).collect();
+        let counts: Vec<usize> = calls.iter().map(Call::candidates).collect();
         let Some(answers) = self.answers(calls) else {
             self.requested.plans.extend(plan);
             return Err(Stop::Waiting);
@@ -90,13 +112,5 @@ impl<I: DoseFiles + ?Sized> Solver for LaterSolver<'_, I> {
             Ok(prices) => Ok(prices.concat()),
             Err(_) => setup.local().price(base, candidates),
         }
-    }
-}
-
-/// Candidates of a call for prices.
-fn priced(call: &Call) -> usize {
-    match call {
-        Call::Price { candidates, .. } => candidates.len(),
-        Call::Dose { .. } | Call::Solve { .. } | Call::Game { .. } => 0,
     }
 }

@@ -120,13 +120,51 @@ impl<C: Courier> Pool<C> {
         home: &dyn Home,
         mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
-        let result = self.answers(calls, home, &mut take);
-        self.client.cancel_all();
-        self.send();
+        let result = self.answers(calls, calls.len(), home, &mut take);
+        self.cancel();
         result
     }
 
-    fn answers(&mut self, calls: &[Call], home: &dyn Home, take: &mut Taker<'_>) -> Result<(), CallError> {
+    /// Hands out answers until those of the first `awaited` calls are there; the other calls stay open. Calls that are open
+    /// from before are not asked twice.
+    ///
+    /// # Errors
+    /// As for [`call_each`](Self::call_each); then no call is open.
+    pub fn call_first(
+        &mut self,
+        calls: &[Call],
+        awaited: usize,
+        home: &dyn Home,
+        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        let result = self.answers(calls, awaited, home, &mut take);
+        if result.is_err() {
+            self.cancel();
+        }
+        result
+    }
+
+    /// Asks calls without waiting for an answer.
+    ///
+    /// # Errors
+    /// Nothing can be sent any more.
+    pub fn begin(&mut self, calls: &[Call], home: &dyn Home) -> Result<(), CallError> {
+        self.answers(calls, 0, home, &mut |_, _| Ok(()))
+    }
+
+    /// Forgets all calls that are open.
+    pub fn cancel(&mut self) {
+        self.client.cancel_all();
+        self.send();
+    }
+
+    fn answers(
+        &mut self,
+        calls: &[Call],
+        awaited: usize,
+        home: &dyn Home,
+        take: &mut Taker<'_>,
+    ) -> Result<(), CallError> {
         let mut keyed = Keyed { home, places: BTreeMap::new() };
         let now = self.courier.now();
         let mut twins: BTreeMap<Hash, Vec<usize>> = BTreeMap::new();
@@ -137,9 +175,12 @@ impl<C: Courier> Pool<C> {
         }
         // What came in since the last call: a worker whose greetings wait is there.
         self.listen(&keyed, 0)?;
-        while !twins.is_empty() {
+        loop {
             self.client.tick(self.courier.now());
             self.send();
+            if twins.values().flatten().all(|place| *place >= awaited) {
+                return Ok(());
+            }
             if let Some(report) = &mut self.report {
                 self.client.take_news().iter().for_each(|text| report(text));
             }
@@ -159,7 +200,6 @@ impl<C: Courier> Pool<C> {
                 None => self.listen(&keyed, TICK)?,
             }
         }
-        Ok(())
     }
 
     /// Takes what arrives within `wait`, and all that has arrived.

@@ -31,6 +31,8 @@ pub struct WorkerState {
     /// Whether that is for its build, which a new life may mend. A wrong answer is never forgotten.
     is_for_build: bool,
     full_until: u64,
+    /// Another life greeted while this one was there.
+    has_rival: bool,
 }
 
 /// All workers by name.
@@ -49,13 +51,19 @@ impl Roster {
                 (worker.received, worker.hello) = (now, hello);
                 (None, false)
             }
-            // A greeting of an earlier life that was late; or, of a worker that is gone, of a new life after its clock was
-            // set back.
-            Some(worker)
-                if worker.hello.incarnation > hello.incarnation
-                    && now.saturating_sub(worker.received) < SILENCE =>
-            {
-                (None, false)
+            // A late greeting of an earlier life, or a second worker of this name. A new life waits until the life before it
+            // is silent: so no other program takes the place of a worker that is there.
+            Some(worker) if now.saturating_sub(worker.received) < SILENCE => {
+                let is_new = worker.hello.incarnation < hello.incarnation && !worker.has_rival;
+                worker.has_rival |= is_new;
+                let event = is_new.then(|| {
+                    format!(
+                        "worker `{name}` was started anew, or another one has its name: it is asked when the one before has \
+                         been silent for {:.1} s",
+                        SILENCE as f64 * 1e-9
+                    )
+                });
+                (event, false)
             }
             known => {
                 if known.is_none() && self.workers.len() >= MOST {
@@ -78,6 +86,7 @@ impl Roster {
                     shut_out,
                     is_for_build,
                     full_until: 0,
+                    has_rival: false,
                 };
                 let was_there = self.workers.insert(name.to_owned(), state).is_some();
                 (Some(event), was_there)
@@ -173,16 +182,34 @@ mod tests {
     }
 
     #[test]
+    fn another_program_cannot_take_the_name_of_a_worker_that_is_there() {
+        let (mut roster, build) = (Roster::default(), Build::of("b"));
+        roster.greet(0, "w", hello(1), &build);
+        let (event, is_new_life) = roster.greet(1, "w", hello(2), &build);
+        assert!(event.unwrap().contains("or another one has its name") && !is_new_life);
+        // The worker goes on to greet, and so does the other: nothing changes, and it is printed once.
+        for at in (SILENCE / 2..4 * SILENCE).step_by(SILENCE as usize / 2) {
+            assert_eq!(roster.greet(at, "w", hello(1), &build), (None, false));
+            assert_eq!(roster.greet(at + 1, "w", hello(2), &build), (None, false));
+        }
+        assert_eq!(roster.workers()["w"].hello.incarnation, 1);
+        // When the worker has ended, the other one is a new life.
+        let (event, is_new_life) = roster.greet(6 * SILENCE, "w", hello(2), &build);
+        assert!(event.unwrap().contains("is there") && is_new_life);
+    }
+
+    #[test]
     fn a_worker_is_asked_again_once_its_build_is_right_and_never_after_a_wrong_answer() {
         let (mut roster, build) = (Roster::default(), Build::of("b"));
         let other = |incarnation| Hello { build: "c".to_owned(), ..hello(incarnation) };
         let (event, _) = roster.greet(0, "w", other(1), &build);
         assert!(event.unwrap().contains("is not asked: it has another build") && !roster.is_usable(0, "w"));
-        let (event, _) = roster.greet(1, "w", hello(2), &build);
-        assert!(event.unwrap().contains("is there") && roster.is_usable(1, "w"));
+        let (event, _) = roster.greet(SILENCE, "w", hello(2), &build);
+        assert!(event.unwrap().contains("is there") && roster.is_usable(SILENCE, "w"));
         roster.get_mut("w").unwrap().shut_out = Some("its answer was wrong".to_owned());
         // Neither a new life nor another build in between is a way round it.
         for (at, hello) in [(2, hello(3)), (3, other(4)), (4, hello(5))] {
+            let at = at * SILENCE;
             let (event, _) = roster.greet(at, "w", hello, &build);
             assert!(event.unwrap().contains("is not asked: its answer was wrong"), "{at}");
             assert!(!roster.is_usable(at, "w"), "{at}");

@@ -1,7 +1,7 @@
 //! Contents by their hash, in a folder of bounded size.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,12 @@ pub enum StoreError {
         /// What the system answered.
         error: std::io::Error,
     },
+    /// Another process uses the folder.
+    #[error("the cache {} is in use by another worker; give each worker a folder of its own with --cache", folder.display())]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A file cannot be written.
     #[error("the cache cannot write {}: {error}", path.display())]
     Write {
@@ -31,7 +37,7 @@ pub enum StoreError {
     },
     /// There is no room.
     #[error(
-        "the arguments of a call do not fit into the cache of {} MB; allow more with --cache",
+        "the arguments of a call do not fit into the cache of {} MB; allow more with --cache-mb",
         most / 1_000_000
     )]
     Full {
@@ -51,8 +57,13 @@ pub enum StoreError {
     },
 }
 
-/// A folder of files, each named by the SHA-256 of its bytes. The one used longest ago goes first.
+/// The file whose lock the process holds that uses the folder.
+const LOCK: &str = "lock";
+
+/// A folder of files, each named by the SHA-256 of its bytes. The one used longest ago goes first. Other files stay as they
+/// are.
 pub struct Store {
+    _lock: File,
     folder: PathBuf,
     most: u64,
     held: BTreeMap<Hash, Held>,
@@ -72,11 +83,18 @@ impl Store {
     /// are used again.
     ///
     /// # Errors
-    /// The folder cannot be made or read.
+    /// The folder cannot be made or read, or another process uses it.
     pub fn open(folder: &Path, most: u64) -> Result<Self, StoreError> {
         let fault = |error| StoreError::Folder { folder: folder.to_owned(), error };
         std::fs::create_dir_all(folder).map_err(fault)?;
-        let mut store = Self { folder: folder.to_owned(), most, held: BTreeMap::new(), bytes: 0, uses: 0 };
+        let lock = File::options().create(true).truncate(false).write(true).open(folder.join(LOCK));
+        let lock = lock.map_err(fault)?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => StoreError::InUse { folder: folder.to_owned() },
+            TryLockError::Error(error) => fault(error),
+        })?;
+        let mut store =
+            Self { _lock: lock, folder: folder.to_owned(), most, held: BTreeMap::new(), bytes: 0, uses: 0 };
         for entry in std::fs::read_dir(folder).map_err(fault)?.flatten() {
             let name = entry.file_name();
             let length = entry.metadata().map_or(0, |data| data.len());
@@ -86,7 +104,7 @@ impl Store {
                     store.bytes += length;
                 }
                 // A file that an earlier process did not finish.
-                None if name.to_string_lossy().ends_with(".part") => {
+                None if name.to_str().is_some_and(is_part) => {
                     let _ = std::fs::remove_file(entry.path());
                 }
                 None => {}
@@ -199,6 +217,16 @@ impl Store {
     }
 }
 
+/// Whether a file is a content that was being written: `HASH.PROCESS-NUMBER.part`, as `publish_derived` names it.
+fn is_part(name: &str) -> bool {
+    let middle = name.strip_suffix(".part").and_then(|name| name.split_once('.'));
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    middle.is_some_and(|(hash, writer)| {
+        let numbers = writer.split_once('-');
+        Hash::parse(hash).is_some() && numbers.is_some_and(|(process, n)| is_number(process) && is_number(n))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,11 +256,37 @@ mod tests {
             [[1_u8; 10], [2; 10]].map(|bytes| store.put(&bytes, &none).unwrap())
         };
         std::fs::write(folder.path().join(b.to_string()), [7; 10]).unwrap();
-        std::fs::write(folder.path().join("x.part"), [7; 10]).unwrap();
+        std::fs::write(folder.path().join(format!("{b}.12-3.part")), [7; 10]).unwrap();
         let mut store = Store::open(folder.path(), 100).unwrap();
         assert!(store.holds(&a) && !store.holds(&b));
         assert_eq!(store.part(&a, 4, 3), Some((10, vec![1; 3])));
         assert_eq!(store.part(&a, 11, 3), None);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        // The content and the lock.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn files_of_others_stay_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let hash = Hash::of(b"a");
+        let foreign =
+            ["film.part".to_owned(), format!("{hash}.part"), format!("{hash}.1-x.part"), "a".to_owned()];
+        for name in &foreign {
+            std::fs::write(folder.path().join(name), b"mine").unwrap();
+        }
+        Store::open(folder.path(), 100).unwrap();
+        for name in &foreign {
+            assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), b"mine", "{name}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_another_worker_uses_is_refused_until_that_ends() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Store::open(folder.path(), 100).unwrap();
+        let reason = Store::open(folder.path(), 100).err().unwrap().to_string();
+        assert!(reason.contains("in use by another worker"), "{reason}");
+        drop(first);
+        assert!(Store::open(folder.path(), 100).is_ok());
     }
 }

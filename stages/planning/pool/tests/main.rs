@@ -14,9 +14,9 @@ use games::GRID_MM;
 use simulated::{CALM, MS, Part, Simulated, Weather, build};
 use stillpoint_network::Rules;
 use stillpoint_pool::{
-    Build, Call, Client, ClientSettings, Event, Message, Pool, Store, Worker, WorkerSettings,
+    Build, Call, Client, ClientSettings, Event, Hash, Message, Pool, Store, Worker, WorkerSettings,
 };
-use water::{Water, alone, pooled};
+use water::{Water, alone, alone_with, pooled, pooled_with};
 
 const STORM: Weather = Weather { delay: (5 * MS, 200 * MS), lost: 60, doubled: 60 };
 
@@ -42,6 +42,35 @@ fn the_plan_is_the_same_with_no_worker_one_and_eight() {
             }
         }
     }
+}
+
+#[test]
+fn the_plan_depends_on_the_leaves_under_way_and_not_on_the_workers_that_solve_them() {
+    let water = Water::new();
+    let plans = [4, 8].map(|leaves| {
+        let expected = alone_with(&water, leaves);
+        for workers in [0, 1, 4] {
+            let mut pool = pool(1, CALM, &vec![Part::default(); workers]);
+            assert!(pooled_with(&water, &mut pool, leaves) == expected, "{leaves} leaves, {workers} workers");
+        }
+        let dying = Part { dies_after: 2, ..Part::default() };
+        let wrong = Part { wrong_from: 8, ..Part::default() };
+        let mut pool = pool(2, STORM, &[dying, Part::default(), wrong, Part::default()]);
+        assert!(pooled_with(&water, &mut pool, leaves) == expected, "{leaves} leaves in a storm");
+        expected
+    });
+    assert!(plans[0] != plans[1]);
+}
+
+#[test]
+fn more_leaves_under_way_keep_more_workers_busy() {
+    let water = Water::new();
+    let took = |leaves| {
+        let mut pool = pool(1, CALM, &vec![Part { job: 1000 * MS, ..Part::default() }; 4]);
+        pooled_with(&water, &mut pool, leaves);
+        stillpoint_pool::Courier::now(pool.courier())
+    };
+    assert!(took(8) < took(2), "{} {}", took(8), took(2));
 }
 
 #[test]
@@ -144,6 +173,21 @@ fn workers_give_each_other_what_they_hold_and_one_that_gives_something_else_is_n
     assert!(reported.count() > 0, "{news:?}");
     // Its answers are right, so it is asked all the same.
     assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()));
+}
+
+#[test]
+fn a_worker_cannot_speak_ill_of_another_to_which_it_was_not_sent() {
+    let mut client = Client::new(0, ClientSettings::new(build()));
+    let folder = tempfile::tempdir().unwrap();
+    let settings = WorkerSettings { build: build(), incarnation: 1, slots: 1, most_open: 1 << 20 };
+    let hello = Message::Hello(Worker::new(settings, Store::open(folder.path(), 1 << 20).unwrap()).hello());
+    for name in ["w0", "w1"] {
+        client.handle(0, name, &hello.to_bytes(), &Nothing);
+    }
+    client.take_news();
+    let wrong = Message::Wrong { content: Hash::of(b"dose"), peer: "w1".to_owned() };
+    client.handle(1, "w0", &wrong.to_bytes(), &Nothing);
+    assert!(client.take_news().is_empty());
 }
 
 #[test]

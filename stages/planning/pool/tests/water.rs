@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Mask;
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
+use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, SearchOptions, choose};
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, MeanDose, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_pool::{Courier, Pool, PoolDoses, PoolSetup, PoolSolver, answer};
@@ -76,13 +76,19 @@ pub fn plan_bytes(
     water: &Water,
     doses: &RingDoses,
     solver: Option<&mut dyn stillpoint_plan::beams::Solver>,
+    leaves: usize,
 ) -> Vec<u8> {
     let evaluator = Evaluator::new(doses, &water.goals, ring(), 3, Budget { solves: 24 });
+    let evaluator = evaluator.with_leaves(NonZeroUsize::new(leaves).unwrap());
     let mut evaluator = match solver {
         Some(solver) => evaluator.with_solver(solver),
         None => evaluator,
     };
-    let choice = choose(&Method::Exchange(Vec::new()), &mut evaluator, None, 3).unwrap();
+    let method = match leaves {
+        1 => Method::Exchange(Vec::new()),
+        _ => Method::Search(SearchOptions::default()),
+    };
+    let choice = choose(&method, &mut evaluator, None, 3).unwrap();
     let history: Vec<String> = evaluator.history().iter().map(|progress| format!("{progress:?}")).collect();
     let mut bytes = history.join("\n").into_bytes();
     bytes.extend(format!("{:?}", choice.best.beams).into_bytes());
@@ -92,14 +98,24 @@ pub fn plan_bytes(
 
 /// Doses and plan of this process alone, with the bytes of all dose files.
 pub fn alone(water: &Water) -> (Vec<u8>, Vec<Vec<u8>>) {
+    alone_with(water, 1)
+}
+
+/// The same with so many leaves under way: by exchange with one, by search with more.
+pub fn alone_with(water: &Water, leaves: usize) -> (Vec<u8>, Vec<Vec<u8>>) {
     let folder = tempfile::tempdir().unwrap();
     let cache = DoseCache::in_folder(folder.path()).unwrap();
     let doses = load(water, &cache);
-    (plan_bytes(water, &doses, None), files(&doses))
+    (plan_bytes(water, &doses, None, leaves), files(&doses))
 }
 
 /// The same over a pool, again as long as answers are in doubt.
 pub fn pooled<C: Courier>(water: &Water, pool: &mut Pool<C>) -> (Vec<u8>, Vec<Vec<u8>>) {
+    pooled_with(water, pool, 1)
+}
+
+/// The same with so many leaves under way.
+pub fn pooled_with<C: Courier>(water: &Water, pool: &mut Pool<C>, leaves: usize) -> (Vec<u8>, Vec<Vec<u8>>) {
     let folder = tempfile::tempdir().unwrap();
     let cache = DoseCache::in_folder(folder.path()).unwrap();
     let engines = [water.engine.clone()];
@@ -110,7 +126,7 @@ pub fn pooled<C: Courier>(water: &Water, pool: &mut Pool<C>) -> (Vec<u8>, Vec<Ve
         let setup = PoolSetup::new(&doses, &water.goals, ANGLES);
         let bytes = {
             let mut solver = PoolSolver::new(pool, &setup);
-            let bytes = plan_bytes(water, &doses, Some(&mut solver));
+            let bytes = plan_bytes(water, &doses, Some(&mut solver), leaves);
             assert_eq!(solver.broken(), None);
             bytes
         };

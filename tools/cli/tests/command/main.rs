@@ -13,6 +13,7 @@ mod identity;
 mod loops;
 mod merge;
 mod plan;
+mod queue;
 mod reach;
 mod report;
 mod streams;

@@ -163,6 +163,25 @@ fn limits_for_fractions_of_2_gy_do_not_pass_for_one_of_20_gy() {
     );
 }
 
+#[test]
+fn leaves_under_way_are_part_of_a_plan_and_refused_where_a_method_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "8", "--method", "search", "--out", "wide", "--leaves", "4"];
+    let reported = plan(folder.path(), &asked);
+    assert_eq!(
+        (&reported["searches"][0]["leaves"], &reported["searches"][0]["solves"]),
+        (&4.into(), &8.into())
+    );
+    let page = std::fs::read_to_string(folder.path().join("wide/plan.html")).unwrap();
+    assert!(page.contains("The search by search with 4 leaves under way"));
+    for (method, leaves, reason) in
+        [("greedy", "2", "takes no number of leaves"), ("search", "65", "1 to 64")]
+    {
+        let out = stillpoint(folder.path(), &["plan", "--method", method, "--leaves", leaves]);
+        assert!(out.status.code() == Some(2) && text(&out.stderr).contains(reason), "{}", text(&out.stderr));
+    }
+}
+
 /// The operator `plan.optimizer` gives these bytes, too: `stages/planning/planner/tests/recipe.rs`.
 #[test]
 fn the_command_gives_the_plan_of_the_recipe_of_the_library() {

@@ -1,11 +1,12 @@
 //! What a set of beams costs: solved, cached and counted.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use thiserror::Error;
 
+use super::ahead::Group;
 use super::ring::{BeamSet, Ring};
 use super::second::{Answer, SecondPlayer};
 use super::solver::{Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
@@ -98,7 +99,7 @@ pub struct Progress {
 /// and goes on behind its end: with [`Evaluator::with_pause`], a search is cut into parts of so many solves each.
 #[derive(Clone, Debug, Default)]
 pub struct Memo {
-    solved: BTreeMap<BeamSet, Arc<Evaluated>>,
+    pub(super) solved: BTreeMap<BeamSet, Arc<Evaluated>>,
     priced: BTreeMap<BeamSet, (Vec<u16>, Vec<f64>)>,
 }
 
@@ -114,15 +115,19 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     budget: Budget,
     /// Solves after which the search pauses, whatever its budget.
     pause: usize,
-    threads: NonZeroUsize,
+    pub(super) threads: NonZeroUsize,
+    /// Leaves that a search may have under way.
+    pub(super) leaves: NonZeroUsize,
+    /// Sets that are under way, in the order in which they are taken.
+    pub(super) under_way: VecDeque<Group>,
     /// To which part of its optimum each set is solved.
-    tolerance: f64,
+    pub(super) tolerance: f64,
     /// Who answers each plan with a set-up error.
     second: Option<&'a SecondPlayer<'a>>,
     /// Where sets are solved, if not on threads of this process.
-    elsewhere: Option<&'a mut dyn Solver>,
+    pub(super) elsewhere: Option<&'a mut dyn Solver>,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
-    memo: Memo,
+    pub(super) memo: Memo,
     prices: usize,
     best: Option<Arc<Evaluated>>,
     history: Vec<Progress>,
@@ -140,6 +145,8 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             budget,
             pause: usize::MAX,
             threads: NonZeroUsize::MIN,
+            leaves: NonZeroUsize::MIN,
+            under_way: VecDeque::new(),
             tolerance: SOLVE_TOLERANCE,
             second: None,
             elsewhere: None,
@@ -156,6 +163,14 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     #[must_use]
     pub fn with_threads(mut self, threads: NonZeroUsize) -> Self {
         self.threads = threads;
+        self
+    }
+
+    /// Lets a search that looks ahead have so many leaves under way: each is chosen when all results but those of the
+    /// leaves under way are in. The course of the search depends on this number, and on no thread or worker.
+    #[must_use]
+    pub fn with_leaves(mut self, leaves: NonZeroUsize) -> Self {
+        self.leaves = leaves;
         self
     }
 
@@ -290,10 +305,15 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     }
 
     fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, Stop> {
-        let mut solved = match &mut self.elsewhere {
+        let solved = match &mut self.elsewhere {
             Some(solver) => solver.solve(sets, near, self.tolerance)?,
             None => self.local().solve(sets, near, self.tolerance)?,
         };
+        self.answered(solved)
+    }
+
+    /// The plans with the answers of the second player, if there is one.
+    pub(super) fn answered(&self, mut solved: Vec<Evaluated>) -> Result<Vec<Evaluated>, Stop> {
         if let Some(second) = self.second {
             let answers = on_threads(&solved, self.threads, |plan| second.answer(plan))?;
             for (plan, (cost, answer)) in solved.iter_mut().zip(answers) {
@@ -303,7 +323,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         Ok(solved)
     }
 
-    fn local(&self) -> Local<'a, I> {
+    pub(super) fn local(&self) -> Local<'a, I> {
         Local { influence: self.influence, goals: self.goals, threads: self.threads }
     }
 

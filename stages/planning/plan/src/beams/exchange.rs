@@ -24,6 +24,10 @@ const PATIENCE: usize = 10_000;
 /// The beam of the least weight goes first. The set without it is solved, all legal beams are priced beside that, and the two
 /// of the highest price are solved; then the next beam goes. Rounds without gain look further down the lists, to the fourth
 /// beam. At the end of the lists the search begins again at a random set, until the budget is spent or hardly any set is new.
+///
+/// Where the evaluator allows more than one leaf under way, the next slots are begun before it is known whether the ones
+/// before have a gain. A leaf is the set without a beam, or the two replacements. What a gain makes useless is counted,
+/// too; if it is better yet, the search goes on from there.
 pub fn search<I: Influence + ?Sized>(
     evaluator: &mut Evaluator<'_, I>,
     starts: &[BeamSet],
@@ -35,7 +39,7 @@ pub fn search<I: Influence + ?Sized>(
         starts => starts.to_vec(),
     };
     let solved = evaluator.evaluate_all(&first, None)?;
-    let mut start = solved.into_iter().reduce(|a, b| if b.cost < a.cost { b } else { a });
+    let mut start = cheapest(solved);
     let mut lists = BTreeMap::new();
     let (mut drawn, mut idle) = (0, 0);
     while idle < PATIENCE {
@@ -70,30 +74,62 @@ fn descend<I: Influence + ?Sized>(
     lists: &mut BTreeMap<BeamSet, Vec<u16>>,
 ) -> Result<(), Stop> {
     let mut now = start;
-    let mut depth = 0;
-    while depth < LIST {
-        match better(evaluator, &now, depth, lists)? {
-            Some(better) => (now, depth) = (better, 0),
-            None => depth += TRIED,
+    // Leaves under way that were begun at a set before `now`: a gain made them useless, unless one is better yet.
+    let mut earlier = 0;
+    loop {
+        match look(evaluator, &now, lists)? {
+            Look::Better(better) => (now, earlier) = (better, evaluator.leaves_under_way()),
+            Look::Exhausted if evaluator.leaves_under_way() == 0 => return Ok(()),
+            Look::Exhausted | Look::Later => {
+                let solved = evaluator.take_next()?.unwrap_or_default();
+                let full = solved.into_iter().filter(|set| set.beams.beams().len() == evaluator.beams());
+                let best = cheapest(full).filter(|best| earlier > 0 && best.cost < now.cost);
+                earlier = earlier.saturating_sub(1);
+                if let Some(best) = best {
+                    (now, earlier) = (best, evaluator.leaves_under_way());
+                }
+            }
         }
     }
-    Ok(())
 }
 
-/// The first exchange with a gain among those at this depth of the price lists.
-fn better<I: Influence + ?Sized>(
+/// What the exchanges of a set are found to be.
+enum Look {
+    /// An exchange with a gain.
+    Better(Arc<Evaluated>),
+    /// Results are awaited.
+    Later,
+    /// None at any depth of the price lists has a gain.
+    Exhausted,
+}
+
+/// Begins exchanges as far as there is room for leaves under way, slot by slot down the price lists; or gives the first
+/// one with a gain.
+fn look<I: Influence + ?Sized>(
     evaluator: &mut Evaluator<'_, I>,
-    now: &Evaluated,
-    depth: usize,
+    now: &Arc<Evaluated>,
     lists: &mut BTreeMap<BeamSet, Vec<u16>>,
-) -> Result<Option<Arc<Evaluated>>, Stop> {
+) -> Result<Look, Stop> {
     let ring = evaluator.ring();
-    for slot in by_burden(now) {
+    let mut is_awaited = false;
+    let slots = by_burden(now);
+    for (depth, slot) in
+        (0..LIST).step_by(TRIED).flat_map(|depth| slots.iter().map(move |slot| (depth, *slot)))
+    {
         let mut others = now.beams.beams().to_vec();
         let left = others.remove(slot);
         // A single beam is priced beside nothing.
         let stay = match ring.set(&others) {
-            Ok(stay) if !others.is_empty() => Some(evaluator.evaluate(&stay, Some(now))?),
+            Ok(stay) if !others.is_empty() => {
+                if !evaluator.knows(&stay) {
+                    if !begin(evaluator, &[stay], now)? {
+                        return Ok(Look::Later);
+                    }
+                    is_awaited = true;
+                    continue;
+                }
+                Some(evaluator.evaluate(&stay, None)?)
+            }
             _ => None,
         };
         let key = stay.as_ref().map_or_else(|| now.beams.clone(), |stay| stay.beams.clone());
@@ -107,13 +143,42 @@ fn better<I: Influence + ?Sized>(
         let dearest = list.iter().filter(|beam| **beam != left).skip(depth).take(TRIED);
         let tried: Vec<BeamSet> =
             dearest.filter_map(|beam| ring.set(&[&others[..], &[*beam]].concat()).ok()).collect();
-        let solved = evaluator.evaluate_all(&tried, stay.as_deref().or(Some(now)))?;
-        let best = solved.into_iter().reduce(|a, b| if b.cost < a.cost { b } else { a });
-        if let Some(best) = best.filter(|best| best.cost < now.cost) {
-            return Ok(Some(best));
+        if tried.iter().any(|set| !evaluator.knows(set)) {
+            if !begin(evaluator, &tried, stay.as_ref().unwrap_or(now))? {
+                return Ok(Look::Later);
+            }
+            is_awaited = true;
+            continue;
+        }
+        let solved = evaluator.evaluate_all(&tried, None)?;
+        if let Some(best) = cheapest(solved).filter(|best| best.cost < now.cost) {
+            return Ok(Look::Better(best));
         }
     }
-    Ok(None)
+    Ok(if is_awaited { Look::Later } else { Look::Exhausted })
+}
+
+/// Begins those of these sets that are not solved; false if results are awaited first.
+fn begin<I: Influence + ?Sized>(
+    evaluator: &mut Evaluator<'_, I>,
+    sets: &[BeamSet],
+    near: &Arc<Evaluated>,
+) -> Result<bool, Stop> {
+    if sets.iter().all(|set| evaluator.knows(set) || evaluator.is_under_way(set)) {
+        return Ok(evaluator.has_room());
+    }
+    if !evaluator.has_room() {
+        return Ok(false);
+    }
+    if !evaluator.begin(sets, Some(near))? {
+        return if evaluator.leaves_under_way() > 0 { Ok(false) } else { Err(Stop::Spent) };
+    }
+    Ok(evaluator.has_room())
+}
+
+/// The set of the least cost, the first among equals.
+fn cheapest(solved: impl IntoIterator<Item = Arc<Evaluated>>) -> Option<Arc<Evaluated>> {
+    solved.into_iter().reduce(|a, b| if b.cost < a.cost { b } else { a })
 }
 
 /// Slots of a plan, that of the least weight first.

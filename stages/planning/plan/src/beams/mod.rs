@@ -27,6 +27,7 @@
 //! - `ring`: angles, distances, legal sets
 //! - `doses`: their dose matrices, from the cache
 //! - `evaluator`: what a set costs: solved once, cached, counted
+//! - `ahead`: sets that are under way while a search goes on
 //! - `solver`: where sets are solved and beams are priced
 //! - `price`: what a beam promises beside a plan
 //! - `prior`: what is thought of a beam without a solve; `geometry`: from the image
@@ -34,6 +35,7 @@
 //! - `second`: the second player of the robust game, who picks a set-up error
 //! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
 
+mod ahead;
 mod annealing;
 mod columns;
 mod doses;
@@ -60,6 +62,6 @@ pub use ring::{BeamSet, Ring, RingError};
 pub use search::{BeamGame, SearchOptions};
 pub use second::{Answer, Displaced, SHARE_OF_A_SOLVE, SecondPlayer};
 pub use solver::{
-    COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance, price_beams,
-    solve_beams, start_weights,
+    Begun, COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance,
+    price_beams, solve_beams, start_weights,
 };

@@ -36,6 +36,9 @@ pub fn checked_tolerance(tolerance: f64) -> Result<f64, ToleranceError> {
     }
 }
 
+/// A set with the neighbouring set from whose fluence its solve begins.
+pub type Begun<'a> = (&'a BeamSet, Option<&'a Evaluated>);
+
 /// Solves sets and prices beams for an [`super::Evaluator`].
 ///
 /// The results are pure functions of goals, dose matrices and arguments: every solver gives the same bits as [`Local`].
@@ -51,6 +54,14 @@ pub trait Solver {
         near: Option<&Evaluated>,
         tolerance: f64,
     ) -> Result<Vec<Evaluated>, Stop>;
+
+    /// Says that these sets will be asked for with the same arguments, so that a solver with free workers can begin.
+    ///
+    /// # Errors
+    /// As for [`Solver::solve`].
+    fn begin(&mut self, _sets: &[&BeamSet], _near: Option<&Evaluated>, _tolerance: f64) -> Result<(), Stop> {
+        Ok(())
+    }
 
     /// The price of each candidate beside a solved set, or beside no beam.
     ///
@@ -70,6 +81,24 @@ pub struct Local<'a, I: Influence + ?Sized> {
     pub threads: NonZeroUsize,
 }
 
+impl<I: Influence + ?Sized> Local<'_, I> {
+    /// The best fluence of each set to this part of its optimum, in the order of the sets.
+    ///
+    /// # Errors
+    /// The goals and matrices make no problem.
+    pub fn solve_begun(&self, begun: &[Begun<'_>], tolerance: f64) -> Result<Vec<Evaluated>, Stop> {
+        let (influence, goals) = (self.influence, self.goals);
+        let each = NonZeroUsize::new(self.threads.get() / begun.len().max(1)).unwrap_or(NonZeroUsize::MIN);
+        on_threads(begun, self.threads, |(set, near)| {
+            let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
+            let columns: Vec<usize> = matrices.iter().map(Setups::columns).collect();
+            let start = start_weights(set, &columns, *near);
+            let plan = solve_beams(goals, &matrices, start.as_deref(), tolerance, each)?;
+            Ok(Evaluated::new(set, &columns, plan))
+        })
+    }
+}
+
 impl<I: Influence + ?Sized> Solver for Local<'_, I> {
     fn solve(
         &mut self,
@@ -77,15 +106,8 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         near: Option<&Evaluated>,
         tolerance: f64,
     ) -> Result<Vec<Evaluated>, Stop> {
-        let (influence, goals) = (self.influence, self.goals);
-        let each = NonZeroUsize::new(self.threads.get() / sets.len().max(1)).unwrap_or(NonZeroUsize::MIN);
-        on_threads(sets, self.threads, |set| {
-            let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
-            let columns: Vec<usize> = matrices.iter().map(Setups::columns).collect();
-            let start = start_weights(set, &columns, near);
-            let plan = solve_beams(goals, &matrices, start.as_deref(), tolerance, each)?;
-            Ok(Evaluated::new(set, &columns, plan))
-        })
+        let begun: Vec<Begun<'_>> = sets.iter().map(|set| (*set, near)).collect();
+        self.solve_begun(&begun, tolerance)
     }
 
     fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {

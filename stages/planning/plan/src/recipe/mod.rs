@@ -33,7 +33,7 @@ pub use delivery::Delivery;
 pub use doses::PlanDoses;
 pub use name::{MethodName, PriorName, UnknownName};
 pub use plan::{PlanError, Planned, plan};
-pub use request::{BUDGET, PROPOSALS, PlanRequest, RequestError};
+pub use request::{BUDGET, MOST_LEAVES, PROPOSALS, PlanRequest, RequestError};
 pub use search::{LearnedBeams, PlanRun, PlanSearch};
 pub use setup::{PlanSetup, SetupError};
 pub use spec::{PointScheme, RobustBy, SetupSpec, set_up_errors};

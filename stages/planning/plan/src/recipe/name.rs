@@ -101,6 +101,11 @@ impl MethodName {
         matches!(self, Self::Search | Self::Prior | Self::Construction | Self::TwoPlayer)
     }
 
+    /// Whether the method can have several leaves under way.
+    pub fn looks_ahead(self) -> bool {
+        matches!(self, Self::Exchange | Self::Search)
+    }
+
     /// The name.
     pub fn word(self) -> &'static str {
         match self {

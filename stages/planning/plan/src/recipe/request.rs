@@ -20,6 +20,8 @@ pub const PROPOSALS: usize = 5;
 
 /// Exchanges of the game of two players.
 const EXCHANGES: usize = 2;
+/// Most leaves that a search may have under way.
+pub const MOST_LEAVES: usize = 64;
 /// How far an angle may be from an angle of the ring, degrees: half of the finest step that rings have.
 const OFF_RING_DEG: f64 = 0.005;
 
@@ -38,6 +40,9 @@ pub struct PlanRequest {
     pub angles_deg: Vec<f64>,
     /// Most sets of beams that are solved.
     pub budget: usize,
+    /// Leaves that the search may have under way: each is chosen when all results but those are in. For the methods that
+    /// look ahead. A plan depends on it.
+    pub leaves: usize,
     /// Seed of the random methods.
     pub seed: u64,
     /// Threads; no plan depends on them.
@@ -53,6 +58,12 @@ pub enum RequestError {
     /// Nothing may be solved.
     #[error("invalid budget of solves: 0 (allow at least 1, and for some methods one for each beam)")]
     NoSolve,
+    /// So many leaves cannot be under way.
+    #[error("invalid number of leaves under way: {0} (allowed: 1 to {MOST_LEAVES})")]
+    Leaves(usize),
+    /// The method does not look ahead.
+    #[error("the method {0} takes no number of leaves (methods that take one: exchange, search)")]
+    TakesNoLeaves(MethodName),
     /// The method has no use for the prior.
     #[error("the method {0} takes no prior (methods that take one: search, prior, construction, two-player)")]
     TakesNoPrior(MethodName),
@@ -107,6 +118,7 @@ impl PlanRequest {
             beams: 5,
             angles_deg: Vec::new(),
             budget: Self::usual_budget(method),
+            leaves: Self::USUAL_LEAVES,
             seed: 0,
             threads: NonZeroUsize::MIN,
         }
@@ -121,6 +133,9 @@ impl PlanRequest {
     pub fn usual_budget(method: MethodName) -> usize {
         if method == MethodName::Network { PROPOSALS } else { BUDGET }
     }
+
+    /// Leaves that a method has under way, if nothing else is requested: one, by which most is known at each choice.
+    pub const USUAL_LEAVES: usize = 1;
 
     /// Whether a network is needed.
     pub fn uses_network(&self) -> bool {
@@ -156,6 +171,7 @@ impl PlanRequest {
             ring,
             beams: self.beams,
             budget: self.budget,
+            leaves: NonZeroUsize::new(self.leaves).unwrap_or(NonZeroUsize::MIN),
             mixture: self.mixture(case, ring)?,
             seed: self.seed,
             threads: self.threads,
@@ -169,6 +185,12 @@ impl PlanRequest {
     pub fn check_names(&self) -> Result<(), RequestError> {
         if self.budget == 0 {
             return Err(RequestError::NoSolve);
+        }
+        if !(1..=MOST_LEAVES).contains(&self.leaves) {
+            return Err(RequestError::Leaves(self.leaves));
+        }
+        if self.leaves > 1 && !self.method.looks_ahead() {
+            return Err(RequestError::TakesNoLeaves(self.method));
         }
         let by_price = self.priors.iter().all(|prior| *prior == PriorName::Price);
         if !by_price && !self.method.takes_prior() {
@@ -264,6 +286,12 @@ mod tests {
             refused(&with(MethodName::Annealing, PriorName::Geometry)),
             RequestError::TakesNoPrior(MethodName::Annealing)
         );
+        let wide = |method, leaves| PlanRequest { leaves, ..of(method) };
+        for leaves in [0, MOST_LEAVES + 1] {
+            assert_eq!(refused(&wide(MethodName::Search, leaves)), RequestError::Leaves(leaves));
+        }
+        let greedy = MethodName::Greedy;
+        assert_eq!(refused(&wide(greedy, 2)), RequestError::TakesNoLeaves(greedy));
         assert_eq!(refused(&of(MethodName::Prior)), RequestError::PricesAlone);
         let class = with(MethodName::Search, PriorName::Class);
         assert_eq!(refused(&PlanRequest { beams: 6, ..class }), RequestError::NoClassAngles(6));

@@ -33,6 +33,8 @@ pub struct PlanSearch {
     pub beams: usize,
     /// Most sets of beams that are solved.
     pub budget: usize,
+    /// Leaves that the search may have under way.
+    pub leaves: NonZeroUsize,
     pub(super) mixture: Option<Mixture<'static>>,
     /// Seed of the random methods.
     pub seed: u64,
@@ -47,6 +49,8 @@ pub struct PlanRun {
     pub name: MethodName,
     /// Most sets of beams that were allowed to be solved.
     pub budget: usize,
+    /// Leaves that the search had under way at most.
+    pub leaves: NonZeroUsize,
     /// The best set of beams with its fluence.
     pub choice: Choice,
     /// Every solve.
@@ -100,7 +104,8 @@ impl PlanSearch {
         influence: &'a I,
     ) -> Evaluator<'a, I> {
         let budget = Budget { solves: self.budget };
-        Evaluator::new(influence, &setup.goals, self.ring, self.beams, budget).with_threads(self.threads)
+        let evaluator = Evaluator::new(influence, &setup.goals, self.ring, self.beams, budget);
+        evaluator.with_threads(self.threads).with_leaves(self.leaves)
     }
 
     /// Searches until the method ends or the evaluator stops it.
@@ -124,6 +129,6 @@ impl PlanSearch {
     ) -> Result<PlanRun, ChoiceError> {
         let choice = self.choose(&mut evaluator)?;
         let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
-        Ok(PlanRun { name: self.name, budget: self.budget, choice, history, prices })
+        Ok(PlanRun { name: self.name, budget: self.budget, leaves: self.leaves, choice, history, prices })
     }
 }

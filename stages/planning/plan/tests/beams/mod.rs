@@ -2,7 +2,7 @@
 
 mod robust;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 
 use chacha20::ChaCha8Rng;
@@ -82,6 +82,39 @@ fn disc() -> (Vec<Rows>, Goals) {
     (disc_moved([0.0; 2]), goals)
 }
 
+/// The threads of this process; it notes how many sets it was told of and not yet asked for, at most.
+struct Ahead<'a> {
+    local: Local<'a, [Rows]>,
+    begun: Vec<BeamSet>,
+    most: usize,
+}
+
+impl Solver for Ahead<'_> {
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, Stop> {
+        // In the order in which they were begun.
+        for set in sets {
+            assert!(self.begun.first().is_none_or(|first| first == *set));
+            self.begun.retain(|begun| begun != *set);
+        }
+        self.local.solve(sets, near, tolerance)
+    }
+
+    fn begin(&mut self, sets: &[&BeamSet], _: Option<&Evaluated>, _: f64) -> Result<(), Stop> {
+        self.begun.extend(sets.iter().map(|set| (*set).clone()));
+        self.most = self.most.max(self.begun.len());
+        Ok(())
+    }
+
+    fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+        self.local.price(base, candidates)
+    }
+}
+
 /// The threads of this process; it keeps the tolerances that it is asked for.
 struct Noted<'a> {
     local: Local<'a, [Rows]>,
@@ -143,13 +176,7 @@ fn methods() -> Vec<Method> {
         Method::ColumnGeneration,
         Method::Prior,
         Method::Search(SearchOptions::default()),
-        Method::Search(SearchOptions {
-            price: 0.0,
-            plies: 2,
-            batch: 3,
-            noise: 0.25,
-            ..SearchOptions::default()
-        }),
+        Method::Search(SearchOptions { price: 0.0, plies: 2, noise: 0.25, ..SearchOptions::default() }),
         Method::Game(BeamGame::Construction),
         Method::Game(BeamGame::Alternating { depth: 2 }),
     ]
@@ -214,6 +241,71 @@ fn every_method_gives_the_same_bytes_for_any_number_of_threads() {
         assert_eq!((told_one, prices_one), (told_three, prices_three), "{method:?}");
         let bits = |choice: &Choice| choice.best.plan.weights.iter().map(|w| w.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&one), bits(&three), "{method:?}");
+    }
+}
+
+/// The methods that look ahead, each with the most sets of a leaf.
+fn looking_ahead() -> [(Method, usize); 2] {
+    [(Method::Search(SearchOptions::default()), 1), (Method::Exchange(Vec::new()), 2)]
+}
+
+/// Every solve of a search with so many leaves under way, its prices, and the bits of the best plan.
+fn wide(method: &Method, leaves: usize, threads: usize, solves: usize) -> (Vec<Progress>, usize, Vec<u64>) {
+    let (matrices, goals) = disc();
+    let [leaves, threads] = [leaves, threads].map(|n| NonZeroUsize::new(n).unwrap());
+    let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves });
+    let mut evaluator = evaluator.with_threads(threads).with_leaves(leaves);
+    let choice = choose(method, &mut evaluator, None, 7).unwrap();
+    let bits = choice.best.plan.weights.iter().map(|w| w.to_bits()).collect();
+    (evaluator.history().to_vec(), evaluator.prices(), bits)
+}
+
+#[test]
+fn the_number_of_leaves_decides_the_course_of_a_search_and_threads_do_not() {
+    for (method, _) in looking_ahead() {
+        let courses = [1, 4, 8].map(|leaves| {
+            let one = wide(&method, leaves, 1, 40);
+            assert_eq!(one.0.len(), 40, "{method:?}: what is begun counts");
+            assert_eq!(one, wide(&method, leaves, 4, 40), "{method:?} with {leaves} leaves");
+            let sets: BTreeSet<&BeamSet> = one.0.iter().map(|progress| &progress.beams).collect();
+            assert_eq!(sets.len(), 40, "{method:?} solves a set twice");
+            one.0
+        });
+        assert!(courses[0] != courses[1] && courses[1] != courses[2], "{method:?}");
+    }
+}
+
+#[test]
+fn as_many_leaves_are_under_way_as_are_allowed_and_they_are_taken_in_their_order() {
+    let (matrices, goals) = disc();
+    for (method, sets) in looking_ahead() {
+        for leaves in [1, 4, 8] {
+            let local = Local { influence: &matrices[..], goals: &goals, threads: NonZeroUsize::MIN };
+            let mut ahead = Ahead { local, begun: Vec::new(), most: 0 };
+            let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 60 });
+            let evaluator = evaluator.with_leaves(NonZeroUsize::new(leaves).unwrap());
+            choose(&method, &mut evaluator.with_solver(&mut ahead), None, 7).unwrap();
+            assert!(ahead.begun.is_empty(), "{method:?}: all that is begun is taken");
+            // Five sets without a beam at first, and then two replacements of each.
+            assert!((leaves..=sets * leaves).contains(&ahead.most), "{method:?}: {} of {leaves}", ahead.most);
+        }
+    }
+}
+
+#[test]
+fn a_search_that_looks_ahead_pauses_and_goes_on_with_its_memo() {
+    let (matrices, goals) = disc();
+    for (method, _) in looking_ahead() {
+        let (whole, ..) = wide(&method, 4, 1, 30);
+        let mut memo = Memo::default();
+        for pause in [3, 10, 11, 30] {
+            let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 30 });
+            let mut evaluator =
+                evaluator.with_leaves(NonZeroUsize::new(4).unwrap()).with_pause(pause).with_memo(memo);
+            let _ = choose(&method, &mut evaluator, None, 7);
+            assert_eq!(evaluator.history(), &whole[..pause], "{method:?}");
+            memo = evaluator.into_memo();
+        }
     }
 }
 

@@ -38,7 +38,7 @@ struct Asked {
     /// Sets that are solved.
     budget: usize,
     /// Sets that the tree search solves together.
-    batch: usize,
+    leaves: usize,
     /// Width of a bixel, mm.
     bixel: f64,
     /// Bandwidth of each host's link, Mbit/s.
@@ -48,7 +48,7 @@ struct Asked {
 }
 
 fn main() {
-    let mut asked = Asked { beams: 9, budget: 128, batch: 64, bixel: 10.0, mbit: 1000.0, delay: 500.0 };
+    let mut asked = Asked { beams: 9, budget: 128, leaves: 64, bixel: 10.0, mbit: 1000.0, delay: 500.0 };
     let mut case = None;
     for argument in std::env::args().skip(1).filter(|argument| argument != "--bench") {
         match argument.split_once('=') {
@@ -91,11 +91,11 @@ impl Asked {
         match key {
             "beams" => self.beams = value as usize,
             "budget" => self.budget = value as usize,
-            "batch" => self.batch = value as usize,
+            "leaves" => self.leaves = value as usize,
             "bixel" => self.bixel = value,
             "mbit" => self.mbit = value,
             "delay" => self.delay = value,
-            other => panic!("{other}: the keys are beams, budget, batch, bixel, mbit and delay"),
+            other => panic!("{other}: the keys are beams, budget, leaves, bixel, mbit and delay"),
         }
     }
 }
@@ -133,9 +133,12 @@ impl Setup {
         let budget = Budget { solves: asked.budget };
         let evaluator = Evaluator::new(&doses, &self.goals, self.ring, asked.beams, budget);
         let mut evaluator = evaluator.with_solver(&mut solver);
-        let method = match asked.batch {
-            0 => Method::Exchange(Vec::new()),
-            batch => Method::Search(SearchOptions { batch, ..SearchOptions::default() }),
+        // Without a number of leaves: exchange, one after the other.
+        let leaves = NonZeroUsize::new(asked.leaves);
+        evaluator = evaluator.with_leaves(leaves.unwrap_or(NonZeroUsize::MIN));
+        let method = match leaves {
+            None => Method::Exchange(Vec::new()),
+            Some(_) => Method::Search(SearchOptions::default()),
         };
         let choice = choose(&method, &mut evaluator, None, 0).unwrap();
         let mut bytes = format!("{:?}", evaluator.history()).into_bytes();

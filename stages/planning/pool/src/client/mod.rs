@@ -233,7 +233,8 @@ impl Client {
             Message::Holds { contents } if self.roster.workers().contains_key(from) => {
                 contents.into_iter().for_each(|content| self.sources.note(from, content));
             }
-            Message::Wrong { content, peer } if self.roster.workers().contains_key(from) => {
+            // Only of a worker to which this process sent it for this content.
+            Message::Wrong { content, peer } if self.sources.is_sent(from, &peer, &content) => {
                 self.sources.doubt(&peer);
                 self.news.push(format!(
                     "worker `{peer}` is no longer a source of contents: what it gave to `{from}` as {content:.16} was \
@@ -262,9 +263,10 @@ impl Client {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
                     (open.progress, self.progress) = (now, now);
                     self.sources.note(from, answer);
-                    let fetch = open.fetches.entry(from.to_owned()).or_insert_with(|| Fetch::new(answer));
+                    let fresh = || Fetch::new(answer).at_most(open.kind.longest_answer());
+                    let fetch = open.fetches.entry(from.to_owned()).or_insert_with(fresh);
                     if fetch.content() != answer {
-                        *fetch = Fetch::new(answer);
+                        *fetch = fresh();
                     }
                 }
             }

@@ -23,6 +23,8 @@ pub(super) struct Sources {
     holders: BTreeMap<Hash, BTreeSet<String>>,
     /// For each worker that fetches: who gives (none: this process), what, and when that was last seen.
     fetching: BTreeMap<String, (Option<String>, Hash, u64)>,
+    /// To which worker another one was last sent for a content.
+    sent: BTreeMap<(String, Hash), String>,
     /// Workers that gave something else than they were asked for.
     doubtful: BTreeSet<String>,
 }
@@ -35,6 +37,11 @@ impl Sources {
         if self.fetching.get(worker).is_some_and(|(_, of, _)| *of == content) {
             self.fetching.remove(worker);
         }
+    }
+
+    /// Whether a worker was told to fetch a content from another one.
+    pub fn is_sent(&self, worker: &str, to: &str, content: &Hash) -> bool {
+        self.sent.get(&(worker.to_owned(), *content)).is_some_and(|peer| peer == to)
     }
 
     pub fn doubt(&mut self, worker: &str) {
@@ -90,7 +97,13 @@ impl Client {
         };
         sources.fetching.insert(to.to_owned(), (peer.clone(), content, now));
         let message = match peer {
-            Some(peer) => Message::Elsewhere { content, peer },
+            Some(peer) => {
+                if sources.sent.len() >= MOST {
+                    sources.sent.pop_first();
+                }
+                sources.sent.insert((to.to_owned(), content), peer.clone());
+                Message::Elsewhere { content, peer }
+            }
             None => part_message(content, inside.content(&content), part),
         };
         self.out.push((To::one(to), message));

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use super::{Waiting, Worker};
 use crate::fetch::{Fetch, FetchError};
 use crate::message::{Message, PART};
-use crate::{Hash, To};
+use crate::{Hash, StoreError, To};
 
 /// Times that a part is asked for at another worker.
 const TRIES_ELSEWHERE: u32 = 2;
@@ -26,8 +26,8 @@ pub(super) struct Fetching {
 }
 
 impl Fetching {
-    fn from_asker(asker: String, content: Hash, only: bool) -> Self {
-        Self { from: asker.clone(), asker, only, fetch: Fetch::new(content) }
+    fn from_asker(asker: String, (content, most): (Hash, u64), only: bool) -> Self {
+        Self { from: asker.clone(), asker, only, fetch: Fetch::new(content).at_most(most) }
     }
 
     fn is_elsewhere(&self) -> bool {
@@ -57,6 +57,11 @@ impl Worker {
                     Err(error) => self.fail_calls_of(&content, &error.to_string()),
                 }
             }
+            Err(FetchError::Long(..)) if !fetching.is_elsewhere() => {
+                self.fetch = None;
+                let reason = StoreError::Full { most: self.store.size().1 }.to_string();
+                self.fail_calls_of(&content, &reason);
+            }
             Err(e) => self.not_given(&e),
         }
     }
@@ -79,7 +84,8 @@ impl Worker {
         if self.doubtful.contains(&peer) {
             return self.ask_the_asker();
         }
-        (fetching.from, fetching.fetch) = (peer, Fetch::new(content).with_tries(TRIES_ELSEWHERE));
+        let fetch = Fetch::new(content).at_most(self.store.size().1);
+        (fetching.from, fetching.fetch) = (peer, fetch.with_tries(TRIES_ELSEWHERE));
     }
 
     /// Parts of a content do not come, or are wrong.
@@ -87,7 +93,8 @@ impl Worker {
         let Some(fetching) = self.fetch.as_ref().filter(|f| f.is_elsewhere()) else {
             return self.not_to_be_had(&error.to_string());
         };
-        if !matches!(error, FetchError::Silent(..)) {
+        // A content may be longer than the cache of this worker.
+        if !matches!(error, FetchError::Silent(..) | FetchError::Long(..)) {
             let (content, peer) = (fetching.fetch.content(), fetching.from.clone());
             self.out.push((To::one(&fetching.asker), Message::Wrong { content, peer: peer.clone() }));
             self.doubtful.insert(peer);
@@ -97,7 +104,8 @@ impl Worker {
 
     fn ask_the_asker(&mut self) {
         if let Some(fetching) = self.fetch.take() {
-            self.fetch = Some(Fetching::from_asker(fetching.asker, fetching.fetch.content(), true));
+            let content = (fetching.fetch.content(), self.store.size().1);
+            self.fetch = Some(Fetching::from_asker(fetching.asker, content, true));
         }
     }
 
@@ -111,9 +119,11 @@ impl Worker {
             }
             if self.fetch.is_none() {
                 let store = &mut self.store;
+                // What does not fit into the cache is not fetched.
+                let most = store.size().1;
                 self.fetch = self.waiting.iter().find_map(|w| {
                     let content = w.call.inputs().into_iter().find(|hash| !store.holds(hash))?;
-                    Some(Fetching::from_asker(w.askers.first()?.clone(), content, false))
+                    Some(Fetching::from_asker(w.askers.first()?.clone(), (content, most), false))
                 });
             }
             let Some(Fetching { from, only, fetch, .. }) = &mut self.fetch else { return };

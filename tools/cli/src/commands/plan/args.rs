@@ -5,14 +5,16 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand, ValueEnum};
-use stillpoint_plan::recipe::{MethodName, PriorName, RobustBy, UnknownName};
+use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy, UnknownName};
 
 use super::compare;
 use crate::pool::PoolArgs;
 
 /// Choose the beams of a case and optimise their fluence.
 ///
-/// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.
+/// Without a case, the synthetic pelvis of seed 0 is planned. Several cases are a queue: each is planned as if it were alone,
+/// and the output is a table. A case whose plan failed does not stop the others, and a plan that an earlier call finished with
+/// the same case, arguments and build is not made again: the file request.json in its folder records them. Beams stand at least 20 degrees apart on a ring of 90 angles.
 /// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
 /// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
 #[derive(Args)]
@@ -27,8 +29,9 @@ pub struct Plan {
 /// What is planned.
 #[derive(Args)]
 pub struct PlanArgs {
-    /// The case file; see `stillpoint case`.
-    pub(super) case: Option<PathBuf>,
+    /// The case file, or several; see `stillpoint case`.
+    #[arg(value_name = "CASE")]
+    pub(super) cases: Vec<PathBuf>,
     /// Number of beams.
     #[arg(long, default_value_t = 5)]
     pub(super) beams: usize,
@@ -46,8 +49,13 @@ pub struct PlanArgs {
     /// comes with stillpoint.
     #[arg(long, value_name = "FILE")]
     pub(super) network: Option<PathBuf>,
+    /// Leaves that the methods `exchange` and `search` have under way at most: each is chosen when all results but those are
+    /// in. More leaves keep more cores or workers busy, and each is chosen with less knowledge. The plan depends on it, and
+    /// plan.json states it.
+    #[arg(long, value_name = "N", default_value_t = PlanRequest::USUAL_LEAVES)]
+    pub(super) leaves: usize,
     /// Gantry angles in degrees, such as `0,90,-40.5`, to 0.01 degrees and as near to each other as you like; no search is run.
-    #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
+    #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "leaves", "method", "compare", "prior"])]
     pub(super) angles: Option<String>,
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]
@@ -93,7 +101,7 @@ pub struct PlanArgs {
     /// reason. Without it, a refused plan has no DICOM files, and the command exits with 6.
     #[arg(long, value_name = "REASON")]
     pub(super) accept_check: Option<String>,
-    /// Output folder; the default is `plans/CASE`.
+    /// Output folder; the default is `plans/CASE`. With several cases: the folder of their folders, by default `plans`.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// Folder in which doses are cached between plans, about 5 MB per beam with 10 mm bixels.
@@ -108,6 +116,10 @@ pub struct PlanArgs {
     /// Number of threads; the plan does not depend on it. Default: all cores.
     #[arg(long)]
     pub(super) threads: Option<std::num::NonZeroUsize>,
+    /// Number of patients that are planned at the same time, where there are several cases; no plan depends on it. Default: half
+    /// of the threads, and 4 with `--pool`.
+    #[arg(long)]
+    pub(super) jobs: Option<std::num::NonZeroUsize>,
     #[command(flatten)]
     pub(super) pool: PoolArgs,
     /// Print JSON.

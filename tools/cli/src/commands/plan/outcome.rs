@@ -277,6 +277,7 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
     PlanFileSearch {
         method: run.name,
         budget: run.budget,
+        leaves: run.leaves.get(),
         ended: ended.to_owned(),
         objective: run.choice.best.cost,
         angles_deg: request.setup.angles_deg(run.choice.best.beams.beams()),

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use stillpoint_plan::dose::{DoseCache, DoseEngine};
+use stillpoint_plan::recipe::{MOST_LEAVES, PlanRun};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Pool, PoolDoses};
 
@@ -58,8 +59,17 @@ impl Pooled {
         }
     }
 
-    /// Tells who computed.
-    pub fn print_notes(&self) {
+    /// Prints the shares of the workers, and whether the searches could use all of them.
+    pub fn print_notes(&self, runs: &[PlanRun]) {
         print_shares(&self.pool);
+        let slots: usize = self.pool.workers().values().map(|worker| worker.hello.slots as usize).sum();
+        let leaves = runs.iter().map(|run| run.leaves.get()).max().unwrap_or(1);
+        if slots > leaves && runs.iter().any(|run| run.name.looks_ahead()) {
+            outln!(
+                "pool: the search had at most {leaves} leaves under way for {slots} slots of workers; `--leaves {}` uses \
+                 more of them, and the plan depends on it",
+                slots.min(MOST_LEAVES)
+            );
+        }
     }
 }

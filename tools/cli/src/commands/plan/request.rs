@@ -16,6 +16,7 @@ use stillpoint_plan::recipe::{
 use stillpoint_planner::protocol;
 
 use super::args::PlanArgs;
+use super::patient::Patient;
 use crate::exit::Failure;
 use crate::quantity::quantity;
 
@@ -56,9 +57,9 @@ pub struct Request {
 }
 
 impl Request {
-    /// Checks it.
-    pub fn new(given: &PlanArgs) -> Result<Self, Failure> {
-        let case = match &given.case {
+    /// Checks it, for a patient.
+    pub fn new(given: &PlanArgs, patient: &Patient<'_>) -> Result<Self, Failure> {
+        let case = match patient.case {
             Some(path) => read(path).map_err(Failure::wrong)?,
             None => phantom(0).map_err(Failure::failed)?,
         };
@@ -70,10 +71,7 @@ impl Request {
             let ring = spec.ring.for_angles(angles);
             spec.ring = ring.map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
         }
-        let threads = match given.threads {
-            Some(threads) => threads,
-            None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
-        };
+        let threads = patient.threads;
         let mut requests = requests(given, angles, threads)?;
         network(&mut requests, &case, &spec, given.network.as_deref())?;
         let searches: Result<Vec<PlanSearch>, _> =
@@ -81,7 +79,7 @@ impl Request {
         let searches = searches.map_err(Failure::wrong)?;
         let (beams, budget) = (requests[0].beams, requests[0].budget);
         let is_shipped = given.network.is_none() && requests.iter().any(PlanRequest::uses_network);
-        let out = given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name()));
+        let out = patient.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name()));
         let identity = identity(given.keep_identity.as_deref(), &case)?;
         let setup = PlanSetup::new(case, spec).map_err(Failure::failed)?;
         Ok(Self {
@@ -100,7 +98,7 @@ impl Request {
             identity,
             seed: given.seed,
             threads,
-            quiet: given.json,
+            quiet: patient.is_quiet,
         })
     }
 
@@ -191,6 +189,7 @@ fn requests(
             priors: if has_prior { given.prior.clone() } else { vec![PriorName::Price] },
             beams: given.beams,
             budget,
+            leaves: if given.compare && !method.looks_ahead() { 1 } else { given.leaves },
             seed: given.seed,
             threads,
             ..PlanRequest::of_method(method)

@@ -26,10 +26,11 @@ pub fn print(
     }
     let best = &outcome.run.choice.best;
     outln!(
-        "\n{}: beams {} by {}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
+        "\n{}: beams {} by {}{}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
         request.setup.case.name(),
         angles(&outcome.angles_deg),
         outcome.run.name.word(),
+        with_leaves(outcome.run),
         best.solved_cost(),
         best.plan.certificate.excess / best.solved_cost(),
         outcome.run.history.len(),
@@ -65,6 +66,14 @@ pub fn print(
     if !outcome.moved.is_empty() {
         outln!("\nranges over {} set-ups, including the planned one:\n", request.setups_mm.len());
         setups(outcome);
+    }
+}
+
+/// The leaves that a search had under way, where there were several.
+pub fn with_leaves(run: &PlanRun) -> String {
+    match run.leaves.get() {
+        1 => String::new(),
+        leaves => format!(" with {leaves} leaves under way"),
     }
 }
 

@@ -44,8 +44,6 @@ pub struct SearchOptions {
     pub prior: f64,
     /// Exploration: the factor of the prior in the bound of a move.
     pub c: f64,
-    /// Leaves that are chosen together and solved on as many threads.
-    pub batch: usize,
     /// Exchanges below the root that a leaf may be away.
     pub plies: usize,
     /// Part of Dirichlet noise in the priors at the root.
@@ -65,7 +63,6 @@ impl Default for SearchOptions {
             price: 1.0,
             prior: 0.0,
             c: 0.5,
-            batch: 1,
             plies: 1,
             noise: 0.0,
             patience: 20,
@@ -75,7 +72,8 @@ impl Default for SearchOptions {
     }
 }
 
-/// Searches by the options, from `starts` or from the set that the prior builds, until the budget is spent.
+/// Searches by the options, from `starts` or from the set that the prior builds, until the budget is spent, with as many
+/// leaves under way as the evaluator allows.
 pub fn search<I: Influence + ?Sized>(
     evaluator: &mut Evaluator<'_, I>,
     options: &SearchOptions,

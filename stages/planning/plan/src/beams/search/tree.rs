@@ -1,12 +1,12 @@
 //! The tree over exchanges: PUCT with the best value backed up, on a root that follows the best set.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use chacha20::ChaCha8Rng;
 use rand::RngExt as _;
 
-use super::super::evaluator::{Evaluated, Evaluator, Influence};
+use super::super::evaluator::{Evaluated, Evaluator, Influence, Stop};
 use super::super::method::ChoiceError;
 use super::super::prior::{Prior, checked_scores, standardised};
 use super::super::random;
@@ -40,15 +40,29 @@ pub struct Edge {
     best: f64,
 }
 
-/// What is solved next.
+/// A set that is under way.
 #[derive(Clone, Debug, PartialEq)]
 struct Leaf {
-    /// The sets from the root down to the one whose exchange this is.
+    /// The sets from the root down to the one whose exchange this is; none for a new beginning.
     path: Vec<BeamSet>,
     /// The set that is solved: after an exchange, or without the beam that leaves.
     set: BeamSet,
     /// Utility that was expected.
     expected: f64,
+    /// New beginnings before it was chosen.
+    beginning: u64,
+    /// Whether the search goes on from it, whatever it costs.
+    is_root: bool,
+}
+
+/// What is done next.
+enum Chosen {
+    /// A leaf is begun.
+    Leaf(Leaf),
+    /// No leaf is worth it before more results are in.
+    Later,
+    /// Hardly any set is new.
+    Nothing,
 }
 
 /// The search.
@@ -61,7 +75,14 @@ pub struct Tree<'t, 'a, I: Influence + ?Sized> {
     nodes: BTreeMap<BeamSet, Node>,
     now: Arc<Evaluated>,
     noise: BTreeMap<BeamSet, Vec<f64>>,
+    /// Draws of new beginnings.
     restarts: u64,
+    /// Leaves that are under way, in the order in which they were chosen.
+    pending: VecDeque<Leaf>,
+    /// New beginnings until now.
+    beginning: u64,
+    /// Solves since the last gain or beginning.
+    since_gain: usize,
 }
 
 impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
@@ -73,71 +94,112 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
         seed: u64,
         start: Arc<Evaluated>,
     ) -> Self {
-        let (retained, nodes, noise) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        Self { evaluator, options, prior, seed, retained, nodes, now: start, noise, restarts: 0 }
+        Self {
+            evaluator,
+            options,
+            prior,
+            seed,
+            retained: BTreeMap::new(),
+            nodes: BTreeMap::new(),
+            now: start,
+            noise: BTreeMap::new(),
+            restarts: 0,
+            pending: VecDeque::new(),
+            beginning: 0,
+            since_gain: 0,
+        }
     }
 
     /// Searches until the budget is spent or hardly any set is new.
+    ///
+    /// Each leaf is chosen when all results but those of the leaves under way are in.
     pub fn run(&mut self) -> Result<(), ChoiceError> {
-        let mut since_gain = 0;
         loop {
-            let leaves = self.leaves()?;
-            let promise = leaves.iter().map(|leaf| leaf.expected).fold(f64::NEG_INFINITY, f64::max);
-            if leaves.is_empty() || since_gain >= self.options.patience || promise < -self.options.give_up {
-                if !self.restart()? {
-                    return Ok(());
+            let mut ended = None;
+            while ended.is_none() && self.evaluator.has_room() {
+                match self.choose()? {
+                    Chosen::Leaf(leaf) => {
+                        let near = (!leaf.is_root).then(|| Arc::clone(&self.now));
+                        match self.evaluator.begin(std::slice::from_ref(&leaf.set), near.as_ref())? {
+                            true => self.pending.push_back(leaf),
+                            false => ended = Some(Err(Stop::Spent.into())),
+                        }
+                    }
+                    Chosen::Later => break,
+                    Chosen::Nothing => ended = Some(Ok(())),
                 }
-                since_gain = 0;
+            }
+            match ended {
+                // Nothing can be begun any more, and what was begun counts.
+                Some(ended) => {
+                    while self.take()? {}
+                    return ended;
+                }
+                None => drop(self.take()?),
+            }
+        }
+    }
+
+    /// The next leaf, chosen as if those under way had been visited in vain; a new beginning where no leaf is worth it.
+    fn choose(&mut self) -> Result<Chosen, ChoiceError> {
+        let leaf = self.descend()?;
+        let is_tired = self.since_gain >= self.options.patience;
+        let begins = self.pending.iter().any(|leaf| leaf.is_root);
+        match leaf {
+            Some(leaf) if leaf.expected >= -self.options.give_up && (begins || !is_tired) => {
+                Ok(Chosen::Leaf(leaf))
+            }
+            // What is under way opens more leaves.
+            None if !self.pending.is_empty() => Ok(Chosen::Later),
+            _ if begins => Ok(Chosen::Later),
+            _ => Ok(self.restart().map_or(Chosen::Nothing, Chosen::Leaf)),
+        }
+    }
+
+    /// Takes the leaf that was chosen first. Gives whether there is one.
+    fn take(&mut self) -> Result<bool, ChoiceError> {
+        let (Some(leaf), Some(solved)) = (self.pending.pop_front(), self.evaluator.take_next()?) else {
+            return Ok(false);
+        };
+        for solved in solved {
+            if leaf.is_root {
+                (self.now, self.since_gain) = (solved, 0);
+                self.beginning += 1;
                 continue;
             }
-            let sets: Vec<BeamSet> = leaves.iter().map(|leaf| leaf.set.clone()).collect();
-            let near = Arc::clone(&self.now);
-            let solved = self.evaluator.evaluate_all(&sets, Some(&near))?;
-            since_gain += solved.len();
-            for (leaf, solved) in leaves.iter().zip(&solved) {
-                if solved.beams.beams().len() == self.evaluator.beams() {
-                    self.back_up(leaf, solved.cost);
-                }
-                if solved.beams.beams().len() == self.evaluator.beams() && solved.cost < self.now.cost {
-                    self.now = Arc::clone(solved);
-                    since_gain = 0;
-                }
+            // A leaf of an earlier beginning is worth going back for if it is the best of all.
+            let is_of_now = leaf.beginning == self.beginning;
+            self.since_gain += usize::from(is_of_now);
+            if solved.beams.beams().len() < self.evaluator.beams() {
+                continue;
+            }
+            self.back_up(&leaf, solved.cost);
+            let is_best = self.evaluator.best().is_some_and(|best| best.beams == solved.beams);
+            if solved.cost < self.now.cost && (is_of_now || is_best) {
+                (self.now, self.since_gain) = (solved, 0);
+                self.pending.iter_mut().for_each(|leaf| leaf.is_root = false);
             }
         }
+        Ok(true)
     }
 
-    /// The next leaves, each chosen as if those before it had been visited in vain.
-    fn leaves(&mut self) -> Result<Vec<Leaf>, ChoiceError> {
-        let mut leaves: Vec<Leaf> = Vec::new();
-        for _ in 0..self.options.batch.min(self.evaluator.solves_left()).max(1) {
-            let Some(leaf) = self.descend(&leaves)? else { break };
-            leaves.push(leaf);
-        }
-        Ok(leaves)
-    }
-
-    fn descend(&mut self, pending: &[Leaf]) -> Result<Option<Leaf>, ChoiceError> {
+    fn descend(&mut self) -> Result<Option<Leaf>, ChoiceError> {
         let mut path = vec![self.now.beams.clone()];
         loop {
             let at = path[path.len() - 1].clone();
-            let Some((set, expected)) = self.select(&at, &path, pending)? else { return Ok(None) };
+            let Some((set, expected)) = self.select(&at, &path)? else { return Ok(None) };
             if !self.evaluator.knows(&set) {
-                return Ok(Some(Leaf { path, set, expected }));
+                return Ok(Some(Leaf { path, set, expected, beginning: self.beginning, is_root: false }));
             }
             path.push(set);
         }
     }
 
     /// The exchange of the highest bound at a set, or the set without a beam if that must be solved first.
-    fn select(
-        &mut self,
-        at: &BeamSet,
-        path: &[BeamSet],
-        pending: &[Leaf],
-    ) -> Result<Option<(BeamSet, f64)>, ChoiceError> {
+    fn select(&mut self, at: &BeamSet, path: &[BeamSet]) -> Result<Option<(BeamSet, f64)>, ChoiceError> {
         let here = self.evaluator.evaluate(at, None)?;
         let slots = slot_probability(&here);
-        let visits = self.nodes.get(at).map_or(0, |node| node.visits) + pending.len() as u32;
+        let visits = self.nodes.get(at).map_or(0, |node| node.visits) + self.pending.len() as u32;
         let deepest = path.len() >= self.options.plies;
         let ring = self.evaluator.ring();
         let mut best: Option<(f64, BeamSet, f64)> = None;
@@ -151,7 +213,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             let left = others.remove(slot);
             let stay = ring.set(&others)?;
             if !self.ready(&stay)? {
-                if !pending.iter().any(|leaf| leaf.set == stay) {
+                if !self.evaluator.is_under_way(&stay) {
                     // A slot that is not open yet promises what is open at best, no gain otherwise.
                     let q = self.utility(here.cost);
                     offer(puct(q, *slot_probability, 0, visits + 1, self.options.c), stay, 0.0_f64.max(q));
@@ -175,7 +237,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             let noise = (path.len() == 1).then(|| self.noise.get(&stay)).flatten();
             for (i, set) in sets.into_iter().enumerate() {
                 let beam = retained.candidates[i];
-                if beam == left || path.contains(&set) || pending.iter().any(|leaf| leaf.set == set) {
+                if beam == left || path.contains(&set) || self.evaluator.is_under_way(&set) {
                     continue;
                 }
                 if costs[i].is_some() && deepest {
@@ -240,7 +302,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
     }
 
     fn back_up(&mut self, leaf: &Leaf, cost: f64) {
-        let below = leaf.path[1..].iter().chain(std::iter::once(&leaf.set));
+        let below = leaf.path.iter().skip(1).chain(std::iter::once(&leaf.set));
         for (from, to) in leaf.path.iter().zip(below) {
             let node = self.nodes.entry(from.clone()).or_default();
             node.visits += 1;
@@ -255,13 +317,13 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
         (self.now.cost - cost) / (UNIT * self.now.cost.abs().max(f64::MIN_POSITIVE))
     }
 
-    /// Begins again: from the best set with some beams drawn anew, or from a random one. False if hardly any set is new.
-    fn restart(&mut self) -> Result<bool, ChoiceError> {
+    /// A new beginning: the best set with some beams drawn anew, or a random one. None if hardly any set is new.
+    fn restart(&mut self) -> Option<Leaf> {
         let (ring, beams) = (self.evaluator.ring(), self.evaluator.beams());
         for _ in 0..PATIENCE {
             let mut rng = random::draw(self.seed, KICK, self.restarts);
             self.restarts += 1;
-            let Ok(fresh) = random::set(ring, beams, &mut rng) else { return Ok(false) };
+            let fresh = random::set(ring, beams, &mut rng).ok()?;
             let best = self.evaluator.best().map(|best| best.beams.clone());
             let set = match best {
                 Some(best) if self.options.kick > 0 => {
@@ -272,12 +334,12 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
                 }
                 _ => fresh,
             };
-            if !self.evaluator.knows(&set) {
-                self.now = self.evaluator.evaluate(&set, None)?;
-                return Ok(true);
+            if !self.evaluator.knows(&set) && !self.evaluator.is_under_way(&set) {
+                let beginning = self.beginning;
+                return Some(Leaf { path: Vec::new(), set, expected: 0.0, beginning, is_root: true });
             }
         }
-        Ok(false)
+        None
     }
 }
 

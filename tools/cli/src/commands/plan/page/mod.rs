@@ -24,7 +24,7 @@ use super::charts;
 use super::outcome::Outcome;
 use super::prepared::Prepared;
 use super::request::Request;
-use super::table::angles;
+use super::table::{angles, with_leaves};
 use super::tree;
 use crate::exit::Failure;
 use crate::picture::Plane;
@@ -180,7 +180,9 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
     let chart = charts::objective(request, run).map_err(Failure::failed)?;
     let ended = if run.choice.spent { "its budget was spent" } else { "there was nothing more to try" };
     let found = format!(
-        "The search ended after {} solves and {} prices, when {ended}. It does not prove that no other set of beams is better.",
+        "The search by {}{} ended after {} solves and {} prices, when {ended}. It does not prove that no other set of beams is better.",
+        run.name.word(),
+        with_leaves(run),
         run.history.len(),
         run.prices
     );
