@@ -71,7 +71,7 @@ struct Wrong {
 fn a_default_out_of_range_is_found_by_verify() {
     let mut stage = *registry().get("console").unwrap();
     stage.fields = Wrong::FIELDS;
-    stage.read = |reader| Wrong::read(reader).map(|_| unreachable!("it has a fault"));
+    stage.read = |_, reader| Wrong::read(reader).map(|_| unreachable!("it has a fault"));
     let reason = verify(&stage).unwrap_err().to_string();
     assert_eq!(
         reason,

@@ -18,7 +18,7 @@ use super::picture::Picture;
 use super::rows::Rows;
 use super::scene::{Camera, Says, Scene};
 use super::served::Served;
-use crate::answer::Tap;
+use crate::tap::Tap;
 use crate::attach::Attached;
 use crate::exit::Failure;
 use crate::journals::LOOK;
