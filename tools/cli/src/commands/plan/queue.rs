@@ -187,8 +187,8 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         jobs: _,
         pool: _,
         json: _,
-        accept_check: _,
-        keep_identity: _,
+        accept_check,
+        keep_identity,
         beams,
         budget,
         method,
@@ -204,6 +204,7 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         machine,
         fluence_only,
         grid,
+        dose_grid,
         bixel,
         body_margin,
         flash,
@@ -228,10 +229,14 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         "machine": content(machine)?,
         "fluence_only": fluence_only,
         "grid": grid,
+        "dose_grid": dose_grid,
         "bixel": bixel,
         "body_margin": body_margin,
         "flash": flash,
         "seed": seed,
+        // The plan does not depend on these two, and its DICOM files do.
+        "accept_check": accept_check,
+        "keep_identity": keep_identity,
     }))
 }
 
