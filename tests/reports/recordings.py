@@ -16,10 +16,10 @@ import tempfile
 # Cases whose right outcome is another than their file says, with the words that the output must hold, and why.
 ALSO_RIGHT = {
     "A03-row-step-zero-organised": (0, "", "the input of A03c with fewer rows: the data are exactly the points, so row_step 0 is unset"),
-    "B03-mono16": (1, "depth_unit", "mono16 may be brightness: the refusal names the parameter that states depth"),
+    "B03-mono16": (2, "depth_unit", "mono16 may be brightness: the refusal names the parameter that states depth"),
     "C35c-anchors": (2, "anchors", "the refusal names the form of YAML that is not read"),
     "C39-one-bad-in-three": (0, "1 of 3 messages left out", "the damaged message is left out, counted and named; `strict: true` refuses"),
-    "E15-cr-only": (1, "CR alone", "the refusal names the line ends and the cure"),
+    "E15-cr-only": (2, "CR alone", "the refusal names the line ends and the cure"),
     "I05b-same-time-twice-repeat": (0, "", "one message in a loop is one a tick"),
 }
 

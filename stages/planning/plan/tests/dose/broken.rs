@@ -22,6 +22,7 @@ fn small() -> MachineFile {
         kernels_per_mm2: vec![vec![vec![1.0, 0.1, 0.0]; 2]; 3],
         hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
         collimator: Some(Collimator::generic()),
+        superposition: None,
     }
 }
 
