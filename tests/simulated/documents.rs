@@ -174,8 +174,13 @@ fn the_architecture_names_every_crate_and_no_other() {
     let page = read(&from_root("docs/architecture.md"));
     let (_, table) = page.split_once("## Where things are").unwrap();
     let table = table.split("\n## ").next().unwrap();
-    let workspaces =
-        ["Cargo.toml", "ipc/remote/Cargo.toml", "tools/bridge/Cargo.toml", "tools/research/Cargo.toml"];
+    let workspaces = [
+        "Cargo.toml",
+        "ipc/remote/Cargo.toml",
+        "python/Cargo.toml",
+        "tools/bridge/Cargo.toml",
+        "tools/research/Cargo.toml",
+    ];
     let mut folders = BTreeSet::new();
     for file in workspaces {
         let folder = Path::new(file).parent().unwrap();

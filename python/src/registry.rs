@@ -1,0 +1,10 @@
+//! The kinds of operators of the package.
+
+use stillpoint_operator::Registry;
+
+use crate::operators::{describe, refuse_recorded};
+
+/// The kinds that come with stillpoint, and classes of Python. `trusts` says whether the code of sessions is run.
+pub fn registry(trusts: bool) -> Registry {
+    stillpoint::registry(&[]).describing(describe, if trusts { describe } else { refuse_recorded })
+}
