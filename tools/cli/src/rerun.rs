@@ -137,6 +137,15 @@ impl Drop for Folder {
 }
 
 impl Rerun {
+    /// Refuses a changed pipeline that has faults, without a run.
+    ///
+    /// # Errors
+    /// The changed pipeline has faults, or the session has none that can be read.
+    pub fn check(&self, session: &Session, registry: &Registry) -> Result<(), RerunError> {
+        let before = recorded_pipeline(session, registry)?;
+        self.changed(&before, registry).map(|_| ())
+    }
+
     /// Runs the session again and compares it with the recording. `stop` ends the run early, which is a failure.
     ///
     /// # Errors

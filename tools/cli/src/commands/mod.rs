@@ -31,6 +31,7 @@ mod schema;
 pub mod send;
 mod set;
 mod stop;
+mod sweep;
 mod top;
 mod topics;
 mod trace;

@@ -9,6 +9,7 @@ use stillpoint_recorder::{Compression, Session};
 use stillpoint_report::compare::Choice;
 
 use super::diff::{Align, write_page};
+use super::sweep::Sweep;
 use crate::differences;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::rerun::{Computed, Rerun, RerunError};
@@ -21,6 +22,10 @@ pub struct WhatIfArgs {
     /// and run the session again from the first change on.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE", conflicts_with_all = ["only", "from"])]
     sets: Vec<String>,
+    /// Run the session once for each of COUNT evenly spaced values of a parameter, on all cores, and print how the figures of
+    /// the end depend on it, such as `--sweep "law.proportional=1..5 1/s/9"`. `--page` draws their curves.
+    #[arg(long, value_name = "OPERATOR.PARAM=FROM..TO/COUNT", conflicts_with_all = ["only", "from", "record", "align"])]
+    sweep: Option<Sweep>,
     /// The changed pipeline, instead of the one that the session keeps; `--set` is applied to it. Files that it names are
     /// those of the session, and where the session has none of that name, those next to FILE.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["only", "from"])]
@@ -54,7 +59,7 @@ enum Latencies {
 impl WhatIfArgs {
     /// Whether the session runs again with a change.
     pub fn is_asked(&self) -> bool {
-        !self.sets.is_empty() || self.with.is_some() || !self.rerun.is_empty()
+        !self.sets.is_empty() || self.with.is_some() || !self.rerun.is_empty() || self.sweep.is_some()
     }
 
     /// Refuses what only a change gives a meaning.
@@ -67,7 +72,7 @@ impl WhatIfArgs {
         ];
         match alone.into_iter().find(|(_, given)| *given && !self.is_asked()) {
             Some((name, _)) => {
-                Err(Failure::wrong(format!("{name} needs a change: give --set, --with or --rerun")))
+                Err(Failure::wrong(format!("{name} needs a change: give --set, --sweep, --with or --rerun")))
             }
             None => Ok(()),
         }
@@ -96,6 +101,9 @@ impl WhatIfArgs {
             record: record.map(Path::to_path_buf),
             compression,
         };
+        if let Some(sweep) = &self.sweep {
+            return sweep.execute((path, session), registry, &rerun, self.page.as_deref(), is_json);
+        }
         let computed = match rerun.compute(session, registry, stop_flag_of_this_process()?) {
             Ok(computed) => computed,
             Err(RerunError::Refused(refused)) => return refused.end(false),
@@ -175,7 +183,7 @@ impl WhatIfArgs {
     }
 }
 
-fn exit_of(done: &WhatIf) -> Exit {
+pub(super) fn exit_of(done: &WhatIf) -> Exit {
     match () {
         () if done.report.ended_early.is_some() => Exit::Failed,
         () if done.replayed.differences > 0 => Exit::Differs,

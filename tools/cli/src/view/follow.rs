@@ -18,11 +18,11 @@ use super::picture::Picture;
 use super::rows::Rows;
 use super::scene::{Camera, Says, Scene};
 use super::served::Served;
-use crate::tap::Tap;
 use crate::attach::Attached;
 use crate::exit::Failure;
 use crate::journals::LOOK;
 use crate::rates::of_run;
+use crate::tap::Tap;
 use crate::top::Watch;
 
 /// Interval at which the state is made.

@@ -183,6 +183,40 @@ fn another_kind_another_file_and_a_held_operator_are_changes_too() {
 }
 
 #[test]
+fn a_sweep_gives_the_figures_of_each_value_as_single_changes_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = simulated(folder.path(), &root().join("pipeline.yaml"), "2.5 s", &SMALL_CAMERA);
+    let command = ["replay", session.to_str().unwrap(), "--sweep"];
+    let sweep = ["law.proportional=2.37..4.37 1/s/3", "--page", "sweep.html", "--json"];
+    let out = stillpoint(folder.path(), &[&command[..], &sweep].concat());
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let runs = report["runs"].as_array().unwrap();
+    let values: Vec<f64> = runs.iter().map(|run| run["value"].as_f64().unwrap()).collect();
+    assert_eq!((values.len(), values[0], values[2]), (3, 2.37, 4.37));
+    assert_eq!(runs[0]["identical_all"], true, "the recorded value");
+    assert_eq!(runs[2]["identical_all"], false, "another value");
+    let (single, _) = what_if(folder.path(), &session, "single", &["--set", "law.proportional=4.37 1/s"]);
+    let figures = single["comparison"]["figures"].as_array().unwrap();
+    assert!(!figures.is_empty());
+    assert_eq!(&runs[2]["figures"], &single["comparison"]["figures"]);
+    let page = std::fs::read_to_string(folder.path().join("sweep.html")).unwrap();
+    let is_drawn = |figure: &Value| page.contains(&format!(">{}", figure["name"].as_str().unwrap()));
+    assert!(figures.iter().all(is_drawn) && page.contains("recorded"), "a curve for each figure");
+
+    let refused = |arguments: &[&str]| {
+        let out = stillpoint(folder.path(), &[&command[..], arguments].concat());
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stdout));
+        text(&out.stderr)
+    };
+    assert!(refused(&["law.proportional=1..5"]).contains("OPERATOR.PARAM=FROM..TO/COUNT"));
+    // Refused before anything runs.
+    assert!(refused(&["law.proportional=1..-5 1/s/3"]).contains("out of range"));
+    assert!(refused(&["law.none=1..5/3"]).contains("none"));
+    assert!(refused(&["law.integral=1..5/3", "--record", "all"]).contains("--record"));
+}
+
+#[test]
 fn wrong_changes_are_refused_with_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let session = simulated(folder.path(), &root().join("examples/own-cloud.yaml"), "200 ms", &[]);
