@@ -106,14 +106,14 @@ impl Gather {
         let (mut from, mut to) = (0.0_f32, self.length_mm);
         for (axis, [low, high]) in [(0, self.window[0]), (2, self.window[1])] {
             for (edge, sign) in [(high, 1.0), (low, -1.0)] {
-                // Outside of the edge by `beside`, and `nearer` for each mm of the line.
-                let beside = sign * (self.sad_mm * beam_mm[axis] - edge * beam_mm[1]);
+                // Outside of the edge by `outside`, and `nearer` for each mm of the line.
+                let outside = sign * (self.sad_mm * beam_mm[axis] - edge * beam_mm[1]);
                 let nearer = sign * (self.sad_mm * towards[axis] - edge * towards[1]);
                 if nearer > 0.0 {
-                    from = from.max(beside / nearer);
+                    from = from.max(outside / nearer);
                 } else if nearer < 0.0 {
-                    to = to.min(beside / nearer);
-                } else if beside > 0.0 {
+                    to = to.min(outside / nearer);
+                } else if outside > 0.0 {
                     return false;
                 }
             }
