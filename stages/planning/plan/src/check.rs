@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
-use crate::dose::{DoseError, DoseParams, Machine};
+use crate::dose::{DoseError, DoseParams, EngineName, Machine};
 use crate::evaluation::{OnGrid, StructureDose};
 use crate::recompute::{BeamFluence, Recompute};
 use stillpoint_patient::case::{Case, Role};
@@ -351,13 +351,15 @@ pub struct CheckedPlan<'a> {
 }
 
 impl Check {
-    /// Of a plan. The doses of the shifts are computed on a grid of 4 mm, as that without a shift is for the comparison.
+    /// Of a plan. The doses of the shifts are computed by pencil beams on a grid of 4 mm, as that without a shift is for the comparison.
     ///
     /// # Errors
     /// Doses cannot be computed.
     pub fn of(plan: &CheckedPlan<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
         let CheckedPlan { case, machine, params, moved_mm, .. } = *plan;
-        let recompute = Recompute::with_spacing(case, machine.clone(), params, SPACING_MM)?;
+        // Doses of shifts are compared with each other alone, so the fast method serves.
+        let params = DoseParams { engine: EngineName::Pencil, ..*params };
+        let recompute = Recompute::with_spacing(case, machine.clone(), &params, SPACING_MM)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         let beams = BeamFluence::weighted(plan.delivered);
         let dose = |shift_mm: [f64; 3]| {

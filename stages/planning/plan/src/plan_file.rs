@@ -9,7 +9,7 @@ use stillpoint_patient::case::Prescription;
 use thiserror::Error;
 
 use crate::check::{Bounds, CheckValues, Checked};
-use crate::dose::Collimator;
+use crate::dose::{Collimator, EngineName};
 use crate::evaluation::{FallOff, StructureDose};
 use crate::protocol::{Judged, Served};
 use crate::recipe::MethodName;
@@ -143,7 +143,7 @@ pub struct PlanFilePoints {
 }
 
 /// The grids and bixels of the dose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanFileDose {
     /// The grid of the figures.
     pub grid: PlanFileGrid,
@@ -154,6 +154,26 @@ pub struct PlanFileDose {
     pub bixel_mm: f64,
     /// Distance from the axis of a bixel beyond which it gives no dose, mm.
     pub cutoff_mm: f64,
+    /// The method by which dose was computed; files of older builds have pencil beams.
+    #[serde(default)]
+    pub engine: EngineName,
+    /// Lung and air on the rays of the bixels that have weight; files of older builds have none.
+    #[serde(default)]
+    pub low_density: Option<PlanFileLowDensity>,
+}
+
+/// Lung and air on the rays of bixels, from the skin to the far side of the target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileLowDensity {
+    /// Bixels with weight.
+    pub bixels: usize,
+    /// Those whose ray crosses at least 10 mm of lung or air.
+    pub crossing: usize,
+    /// The most that a ray crosses, mm.
+    pub longest_mm: f64,
+    /// What a person should know of doses by pencil beams there.
+    #[serde(default)]
+    pub caution: Option<String>,
 }
 
 /// The objectives of a structure.

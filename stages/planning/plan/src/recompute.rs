@@ -5,7 +5,7 @@
 
 use std::num::NonZeroUsize;
 
-use crate::dose::{DoseEngine, DoseError, DoseParams, Machine};
+use crate::dose::{DoseEngine, DoseError, DoseParams, EngineName, Machine};
 use crate::occupancy::Occupancy;
 use crate::threads::on_threads;
 use stillpoint_patient::Grid;
@@ -14,6 +14,8 @@ use stillpoint_patient::couch::Motion;
 
 /// Coarsest spacing of the grid, mm.
 const COARSEST_MM: f64 = 2.0;
+/// The same of a superposition, which costs more for each voxel.
+const COARSEST_SUPERPOSITION_MM: f64 = 3.0;
 /// Spacing over that of the points of the optimiser: finer, and on other places.
 const FINER: f64 = 0.8;
 /// Most voxels of the grid.
@@ -61,7 +63,7 @@ impl BeamFluence {
 }
 
 impl Recompute {
-    /// For a plan whose points are `optimised_mm` apart at the closest: 2 mm, or four fifths of that where it is finer. Above
+    /// For a plan whose points are `optimised_mm` apart at the closest: 2 mm, or four fifths of that where it is finer (3 mm by superposition). Above
     /// 12 million voxels the grid is coarser.
     pub fn new(
         case: &Case,
@@ -69,7 +71,11 @@ impl Recompute {
         params: &DoseParams,
         optimised_mm: f64,
     ) -> Result<Self, DoseError> {
-        Self::with_spacing(case, machine, params, COARSEST_MM.min(FINER * optimised_mm))
+        let spacing_mm = match params.engine {
+            EngineName::Pencil => COARSEST_MM.min(FINER * optimised_mm),
+            EngineName::Superposition => COARSEST_SUPERPOSITION_MM,
+        };
+        Self::with_spacing(case, machine, params, spacing_mm)
     }
 
     /// With voxels of this width, mm, around the patient.

@@ -10,7 +10,7 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_plan::beams::Evaluated;
 use stillpoint_plan::check::Fault;
-use stillpoint_plan::dose::Machine;
+use stillpoint_plan::dose::{EngineName, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Fractionation;
 use stillpoint_plan::recipe::{MethodName, PlanRequest as Search, PriorName, RequestError, SetupSpec};
@@ -513,6 +513,7 @@ fn spec(params: &OptimizerParams, setup: &Setup<'_>) -> Result<SetupSpec, SetupE
     Ok(SetupSpec {
         objectives,
         machine,
+        engine: EngineName::from(params.engine),
         grid_mm: params.grid * 1e3,
         bixel_mm: params.bixel * 1e3,
         reach_mm: params.reach * 1e3,

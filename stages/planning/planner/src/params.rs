@@ -1,6 +1,7 @@
 //! Parameters of `plan.optimizer`.
 
 use stillpoint_operator::{Choice, Params, SetupError};
+use stillpoint_plan::dose::EngineName;
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
 use stillpoint_plan::recipe::{MethodName, PriorName};
 
@@ -88,6 +89,24 @@ impl From<PriorChoice> for PriorName {
     }
 }
 
+/// Method by which dose is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum EngineChoice {
+    /// Pencil beams: fast, and too high in lung and behind air.
+    Pencil,
+    /// Superposition of point kernels: slower, and right there.
+    Superposition,
+}
+
+impl From<EngineChoice> for EngineName {
+    fn from(choice: EngineChoice) -> Self {
+        match choice {
+            EngineChoice::Pencil => Self::Pencil,
+            EngineChoice::Superposition => Self::Superposition,
+        }
+    }
+}
+
 /// A limit that the standing plan keeps.
 #[derive(Clone, Debug, Params)]
 pub struct LimitParams {
@@ -168,6 +187,9 @@ pub struct OptimizerParams {
     /// Width of a bixel.
     #[param(unit = "m", default = "10 mm", min = "4 mm", max = "40 mm")]
     pub bixel: f64,
+    /// Method by which dose is computed, as `--engine` of `stillpoint plan`.
+    #[param(default = "pencil")]
+    pub engine: EngineChoice,
     /// Shift along an axis of the patient above which a request is refused. Bixels are placed that much farther beyond the
     /// target, so that a new plan can follow it.
     #[param(unit = "m", default = "10 mm", min = "0 mm", max = "50 mm")]

@@ -8,6 +8,7 @@
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `beam`: one beam, bixel by bixel
 //! - `name`: the two methods; `superposition`: the one that knows air and lung
+//! - `low_density`: where beams cross them
 //! - `delivered`: the dose of a weighted beam, without a matrix
 //! - `bixels`: where the bixels of a beam stand
 //! - `kernel`: the lateral dose of a bixel
@@ -32,6 +33,7 @@ mod file;
 pub(crate) mod frame;
 mod generic;
 mod kernel;
+mod low_density;
 mod machine;
 mod name;
 mod outline;
@@ -46,6 +48,7 @@ pub use collimator::Collimator;
 pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};
+pub use low_density::{LEAST_LOW_DENSITY_MM, LowDensity};
 pub use machine::{Machine, MachineError, MachineFile};
 pub use name::{EngineName, UnknownEngine};
 pub use portable::PortableError;

@@ -27,17 +27,25 @@ impl EngineName {
     pub const ALL: [Self; 2] = [Self::Pencil, Self::Superposition];
 
     /// The name as it is written.
-    pub fn text(self) -> &'static str {
+    pub fn word(self) -> &'static str {
         match self {
             Self::Pencil => "pencil",
             Self::Superposition => "superposition",
+        }
+    }
+
+    /// What the method does, for people.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Pencil => "pencil beams: fast, and too high in lung and behind air",
+            Self::Superposition => "superposition of point kernels: slower, and right there",
         }
     }
 }
 
 impl fmt::Display for EngineName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.text())
+        f.write_str(self.word())
     }
 }
 
@@ -45,7 +53,7 @@ impl FromStr for EngineName {
     type Err = UnknownEngine;
 
     fn from_str(text: &str) -> Result<Self, UnknownEngine> {
-        let is_named = |name: &Self| name.text() == text;
+        let is_named = |name: &Self| name.word() == text;
         Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownEngine(text.to_owned()))
     }
 }

@@ -63,6 +63,11 @@ impl Outline {
         Some(Self { grid, inside: Arc::new(inside) })
     }
 
+    /// Whether a place (mm) is inside of the patient.
+    pub fn contains(&self, place_mm: [f64; 3]) -> bool {
+        voxel_at(&self.grid, place_mm).is_some_and(|voxel| self.inside.contains(voxel))
+    }
+
     /// Whether the ray from the source through a place of the isocentre plane (mm) crosses the patient.
     pub fn is_crossed(&self, frame: &BeamFrame, [x, z]: [f64; 2]) -> bool {
         let beyond = frame.patient_from_beam([2.0 * x, 2.0 * frame.sad_mm(), 2.0 * z]);

@@ -88,7 +88,7 @@ impl PlanSetup {
         let bixels =
             BixelSpec { margin_mm: usual.margin_mm + spec.reach_mm, inside_mm: spec.inside_mm, ..usual };
         let over = DoseParams::over(case.grid(), spec.grid_mm);
-        let params = DoseParams { grid: *sampling.grid(), bixels, ..over };
+        let params = DoseParams { grid: *sampling.grid(), bixels, engine: spec.engine, ..over };
         let engine = sampling.engine(&DoseEngine::of_case(&case, spec.machine.clone(), params)?);
         let mut objective_set = spec.objectives.for_points(&case, &sampling)?;
         let served = match &spec.protocol {

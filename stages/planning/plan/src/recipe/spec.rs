@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::setup::SetupError;
 use crate::beams::{Ring, RingError};
-use crate::dose::Machine;
+use crate::dose::{EngineName, Machine};
 use crate::objectives::ObjectiveTable;
 use crate::protocol::Protocol;
 
@@ -24,6 +24,8 @@ pub struct SetupSpec {
     pub protocol: Option<Protocol>,
     /// The machine.
     pub machine: Machine,
+    /// The method by which dose is computed.
+    pub engine: EngineName,
     /// Spacing of the points whose dose is optimised, mm.
     pub grid_mm: f64,
     /// Width of a bixel, mm.
@@ -77,6 +79,7 @@ impl SetupSpec {
             objectives: ObjectiveTable::shipped()?,
             protocol: None,
             machine: Machine::shipped()?,
+            engine: EngineName::Pencil,
             grid_mm: 5.0,
             bixel_mm: 10.0,
             reach_mm: 0.0,

@@ -94,12 +94,16 @@ fn pencil_beams_are_wrong_behind_air_and_in_lung() {
         let computed = computed(phantom, 2, EngineName::Pencil, &reference);
         (reference, computed)
     };
-    let (reference, ours) = pencil('d');
-    assert!(worst(&ours, &reference, [40.0, 42.5], false) > 0.4);
-    let (reference, ours) = pencil('b');
-    assert!(worst(&ours, &reference, [60.0, 130.0], false) > 0.3);
-    let (reference, ours) = pencil('e');
-    assert!(worst(&ours, &reference, [90.0, 92.5], false) > 0.15);
+    // In water, they are near: what follows is not a matter of scale.
+    let (reference, ours) = pencil('a');
+    assert!(worst(&ours, &reference, [20.0, 150.0], true) < 0.06);
+    for (phantom, place, wrong) in
+        [('d', [40.0, 42.5], 0.4..0.8), ('b', [60.0, 130.0], 0.3..0.6), ('e', [90.0, 92.5], 0.15..0.4)]
+    {
+        let (reference, ours) = pencil(phantom);
+        let worst = worst(&ours, &reference, place, false);
+        assert!(wrong.contains(&worst), "{phantom}: {worst}");
+    }
 }
 
 /// `cargo test --workspace --test superposition table -- --ignored --nocapture`

@@ -51,9 +51,10 @@ fn density(phantom: char, depth_mm: f64, [x, z]: [f64; 2]) -> f64 {
 }
 
 /// The shipped machine with sharp field edges, whose density is read from tenths of a thousandth.
-fn machine() -> MachineFile {
+fn machine(name: EngineName) -> MachineFile {
     MachineFile {
-        penumbra_fwhm_at_iso_mm: 0.1,
+        // The samples of pencil beams, 0.5 mm apart, do not resolve a sharper edge.
+        penumbra_fwhm_at_iso_mm: if name == EngineName::Pencil { 1.5 } else { 0.1 },
         hu_to_density: vec![[0.0, 0.0], [30000.0, 3.0]],
         ..Machine::shipped().unwrap().file().clone()
     }
@@ -93,7 +94,7 @@ pub struct Computed {
 }
 
 pub fn computed(phantom: char, field_cm: u32, name: EngineName, reference: &Reference) -> Computed {
-    let machine = machine();
+    let machine = machine(name);
     let scale = 1e3 / machine.superposition.as_ref().unwrap().gray_per_mev_g;
     let engine = engine(phantom, field_cm, name, machine);
     let half = (10.0 * reference.axis_square_half_cm / VOXEL_MM).round() as usize;

@@ -60,6 +60,7 @@ impl DeliveredPlan {
         let params = DoseParams {
             bixels: BixelSpec::of_width(plan.dose.bixel_mm),
             cutoff_mm: plan.dose.cutoff_mm,
+            engine: plan.dose.engine,
             ..DoseParams::over(case.grid(), grid_mm)
         };
         let collimator = machine.file().collimator.clone();

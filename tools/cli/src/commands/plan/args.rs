@@ -6,6 +6,8 @@ use std::str::FromStr;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand, ValueEnum};
 use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy, UnknownName};
+use stillpoint_plan::dose::EngineName;
+use stillpoint_plan::recipe::{MethodName, PriorName, RobustBy};
 
 use super::compare;
 use crate::pool::PoolArgs;
@@ -77,6 +79,9 @@ pub struct PlanArgs {
     /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     pub(super) machine: Option<PathBuf>,
+    /// Method by which dose is computed, of the search and of the plan.
+    #[arg(long, value_parser = names(&EngineName::ALL, EngineName::word, EngineName::about), default_value = "pencil")]
+    pub(super) engine: EngineName,
     /// Do not sequence the fluence for the leaves of the machine. The RTPLAN then has no segments and no monitor units.
     #[arg(long)]
     pub(super) fluence_only: bool,
@@ -160,7 +165,8 @@ fn names<T>(
     about: fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T>
 where
-    T: Copy + FromStr<Err = UnknownName> + Send + Sync + 'static,
+    T: Copy + FromStr + Send + Sync + 'static,
+    T::Err: std::error::Error + Send + Sync,
 {
     let value = |name: &T| PossibleValue::new(word(*name)).help(about(*name));
     PossibleValuesParser::new(all.iter().map(value)).try_map(|text| text.parse::<T>())

@@ -4,14 +4,15 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::check::Checked;
+use stillpoint_plan::dose::{EngineName, LowDensity};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::plan_file::{
     Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose,
-    PlanFileFigures, PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints,
-    PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
+    PlanFileFigures, PlanFileGame, PlanFileGrid, PlanFileLowDensity, PlanFileMachine, PlanFileObjectives,
+    PlanFilePoints, PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
 };
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
@@ -52,6 +53,8 @@ pub struct Outcome<'a> {
     pub reference_given: Option<Evaluation<'a>>,
     /// Figures of that dose.
     pub reference: Option<Vec<StructureDose>>,
+    /// Lung and air on the rays of the bixels with weight.
+    pub low_density: LowDensity,
     /// What the check of the plan found.
     pub checked: Checked,
 }
@@ -98,6 +101,7 @@ impl<'a> Outcome<'a> {
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
         let leaves = Leaves::new(request, prepared, run, &recompute, &on_grid)?;
         Ok(Self {
+            low_density: low_density(request, prepared, run)?,
             checked: checked(request, prepared, run, leaves.as_ref())?,
             leaves,
             run,
@@ -129,6 +133,14 @@ impl<'a> Outcome<'a> {
     /// Whether the check refuses the plan, and no person takes it all the same.
     pub fn is_refused(&self, request: &Request) -> bool {
         !self.checked.faults.is_empty() && request.accept_check.is_none()
+    }
+
+    /// What a person should know of the method by which dose was computed.
+    pub fn caution(&self, request: &Request) -> Option<String> {
+        match request.setup.spec.engine {
+            EngineName::Pencil => self.low_density.caution(),
+            EngineName::Superposition => None,
+        }
     }
 
     /// The grid of the dose.
@@ -199,6 +211,13 @@ impl<'a> Outcome<'a> {
                 }),
                 bixel_mm: params.bixels.width_mm,
                 cutoff_mm: params.cutoff_mm,
+                engine: params.engine,
+                low_density: Some(PlanFileLowDensity {
+                    bixels: self.low_density.bixels,
+                    crossing: self.low_density.crossing,
+                    longest_mm: self.low_density.longest_mm,
+                    caution: self.caution(request),
+                }),
             },
             requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
@@ -285,6 +304,21 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),
     }
+}
+
+/// Lung and air on the rays of the bixels that have weight.
+fn low_density(request: &Request, prepared: &Prepared, run: &PlanRun) -> Result<LowDensity, Failure> {
+    let (best, setup) = (&run.choice.best, &request.setup);
+    let mut sum = LowDensity::default();
+    for beam in best.beams.beams() {
+        let weights = best.weights_of(*beam).unwrap_or_default();
+        let bixels = prepared.doses.solved.bixels_mm(*beam).iter().zip(weights);
+        let lit: Vec<[f64; 2]> =
+            bixels.filter(|(_, weight)| **weight > 0.0).map(|(bixel, _)| *bixel).collect();
+        let of_beam = setup.engine().low_density(setup.spec.ring.angle_deg(*beam), &lit);
+        sum = sum.and(of_beam.map_err(Failure::failed)?);
+    }
+    Ok(sum)
 }
 
 /// What the check of a plan finds: of what is exported, the segments where there are some.

@@ -132,6 +132,7 @@ fn spec(given: &PlanArgs) -> Result<SetupSpec, Failure> {
     Ok(SetupSpec {
         objectives: objectives(given.objectives.as_deref())?,
         machine: machine(given.machine.as_deref())?,
+        engine: given.engine,
         grid_mm: length("grid", &given.grid)?,
         bixel_mm: length("bixel", &given.bixel)?,
         errors_mm,

@@ -40,7 +40,14 @@ pub fn print(
         outln!("{text}");
     }
     outln!();
-    outln!("dose recomputed on a grid of {:.2} mm:\n", outcome.grid().spacing_mm[0]);
+    outln!(
+        "dose ({}) recomputed on a grid of {:.2} mm:\n",
+        request.setup.spec.engine,
+        outcome.grid().spacing_mm[0]
+    );
+    if let Some(caution) = outcome.caution(request) {
+        outln!("caution: {caution}\n");
+    }
     structures(&outcome.figures, &prepared.volumes_at_gy);
     explain();
     if let Some(fall_off) = &outcome.fall_off {

@@ -22,7 +22,7 @@ pub(in crate::dose) fn weighted(
     let map = FluenceMap::new(bixels, &shape);
     let bounds = bounds(bixels.iter().map(|(bixel, _)| *bixel), &shape);
     let field = Field::new(engine, frame, section, bounds);
-    primary::add(engine, frame, section, &field, &map, &mut dose);
+    primary::add(engine, frame, section, &field, (&map, bounds), &mut dose);
     scatter::add(engine, frame, section, &field, (&map, bounds), &mut dose);
     let scale = section.gray_per_mev_g as f32;
     dose.iter_mut().for_each(|dose| *dose *= scale);

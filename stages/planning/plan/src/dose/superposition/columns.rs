@@ -6,7 +6,7 @@
 
 use super::field::{Field, FieldVoxel};
 use super::fluence::{BixelShape, FluenceMap, bounds};
-use super::gather::{Gather, each_share};
+use super::gather::{Gather, Start, each_share};
 use super::nodes::{NODE_MM, Profiles};
 use super::pencil::ScatterPencil;
 use super::primary::REACH_MM;
@@ -37,7 +37,7 @@ pub(in crate::dose) fn influence(
 
     let filer = Filer::new(engine, &bixels, &shape, &field);
     let pencil = ScatterPencil::new(section, shape.width_mm, OBLIQUE * engine.params.cutoff_mm);
-    let gather = Gather::new(&engine.params.grid, &aim.frame, &section.primary, REACH_MM);
+    let gather = Gather::new(&engine.params.grid, &aim.frame, &section.primary, REACH_MM, bounds);
     let mut nodes = Nodes { shares: vec![0.0; filer.counts[0] * filer.counts[1]], ..Nodes::default() };
     let mut entries = Entries::new(bixels.len());
     let mut primary = vec![0.0; filer.across[0] * filer.across[1]];
@@ -145,11 +145,15 @@ impl Filer {
 
     /// Files what all lines bring to a voxel.
     fn gather(&self, engine: &DoseEngine, gather: &Gather, voxel: &FieldVoxel, nodes: &mut Nodes) {
-        let place = engine.params.grid.voxel(voxel.voxel as usize);
+        let start = Start {
+            voxel: engine.params.grid.voxel(voxel.voxel as usize),
+            beam_mm: voxel.beam_mm,
+            level: gather.level(voxel.hardening),
+        };
         let stride = self.counts[1];
         let (mut low, mut high) = (u32::MAX, 0);
         let shares = nodes.shares.as_mut_slice();
-        gather.each_line(place, gather.level(voxel.hardening), |start, steps, kernel| {
+        gather.each_line(&start, |start, steps, kernel| {
             each_share(
                 |place| self.seen[place].density,
                 start,

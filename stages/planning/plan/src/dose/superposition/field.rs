@@ -8,13 +8,15 @@ use crate::dose::engine::DoseEngine;
 use crate::dose::frame::BeamFrame;
 
 /// Distance beside the fluence within which there is primary dose, mm on the isocentre plane.
-const PRIMARY_MARGIN_MM: f64 = 60.0;
+const PRIMARY_MARGIN_MM: f64 = 50.0;
 
 /// A voxel near a beam.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FieldVoxel {
     /// Its place in the dose grid.
     pub voxel: u32,
+    /// Its centre in the beam's frame, mm.
+    pub beam_mm: [f32; 3],
     /// Where the line from the source meets the isocentre plane, mm.
     pub plane_mm: [f32; 2],
     /// Its width as seen on the isocentre plane, mm.
@@ -60,6 +62,7 @@ impl Field {
             let inverse_square = inverse_square(frame, lit.beam_mm) as f32;
             FieldVoxel {
                 voxel: lit.row,
+                beam_mm: lit.beam_mm.map(|mm| mm as f32),
                 plane_mm: frame.on_isocentre_plane(lit.beam_mm).map(|mm| mm as f32),
                 side_mm: (width_mm * frame.sad_mm() / lit.beam_mm[1]) as f32,
                 depth_mm: depth_mm as f32,

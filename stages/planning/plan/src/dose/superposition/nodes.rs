@@ -55,13 +55,13 @@ fn fitted(nodes: usize, from_mm: f64, fluence: impl Fn(f64) -> f64) -> Vec<f32> 
     }
     // Diagonal 2/3 (1/3 at the ends), 1/6 beside it: Thomas's elimination.
     let diagonal = |node: usize| if node == 0 || node == nodes - 1 { 1.0 / 3.0 } else { 2.0 / 3.0 };
-    let beside = 1.0 / 6.0;
+    let neighbour = 1.0 / 6.0;
     let mut upper = vec![0.0; nodes];
     for node in 0..nodes {
         let before = if node > 0 { upper[node - 1] } else { 0.0 };
-        let pivot = diagonal(node) - if node > 0 { beside * before } else { 0.0 };
-        upper[node] = beside / pivot;
-        let carried = if node > 0 { beside * right[node - 1] } else { 0.0 };
+        let pivot = diagonal(node) - if node > 0 { neighbour * before } else { 0.0 };
+        upper[node] = neighbour / pivot;
+        let carried = if node > 0 { neighbour * right[node - 1] } else { 0.0 };
         right[node] = (right[node] - carried) / pivot;
     }
     for node in (0..nodes - 1).rev() {

@@ -31,8 +31,8 @@ impl ScatterPencil {
             section.scatter.edges_deg.iter().map(|deg| libm::cos(deg.to_radians())).collect();
         let reach_mm = shell_mm * densities[0].len() as f64;
         // The kernel at a place behind (along > 0) and beside an interaction, 1/mm3.
-        let kernel = |along: f64, beside2: f64| {
-            let distance = libm::sqrt(along * along + beside2);
+        let kernel = |along: f64, off2: f64| {
+            let distance = libm::sqrt(along * along + off2);
             let shell = (distance / shell_mm) as usize;
             let cos = if distance > 0.0 { along / distance } else { 1.0 };
             let ring = (edges.partition_point(|edge| *edge >= cos)).clamp(1, densities.len()) - 1;

@@ -2,7 +2,7 @@
 
 use super::field::Field;
 use super::fluence::FluenceMap;
-use super::gather::{Cell, Gather};
+use super::gather::{Cell, Gather, Start};
 use super::section::Superposition;
 use crate::dose::engine::DoseEngine;
 use crate::dose::frame::BeamFrame;
@@ -16,7 +16,7 @@ pub(super) fn add(
     frame: &BeamFrame,
     section: &Superposition,
     field: &Field,
-    map: &FluenceMap,
+    (map, bounds): (&FluenceMap, [[f64; 2]; 2]),
     dose: &mut [f32],
 ) {
     let grid = &engine.params.grid;
@@ -25,12 +25,15 @@ pub(super) fn add(
         let fluence = map.mean(voxel.plane_mm.map(f64::from), f64::from(voxel.side_mm));
         cells[voxel.voxel as usize][1] = voxel.terma[0] * fluence as f32;
     }
-    let gather = Gather::new(grid, frame, &section.primary, REACH_MM);
+    let gather = Gather::new(grid, frame, &section.primary, REACH_MM, bounds);
     for voxel in &field.voxels {
         if engine.voxels.binary_search(&voxel.voxel).is_ok() {
-            let level = gather.level(voxel.hardening);
-            let place = grid.voxel(voxel.voxel as usize);
-            dose[engine.row_of(voxel.voxel) as usize] += gather.at(&cells, place, level);
+            let start = Start {
+                voxel: grid.voxel(voxel.voxel as usize),
+                beam_mm: voxel.beam_mm,
+                level: gather.level(voxel.hardening),
+            };
+            dose[engine.row_of(voxel.voxel) as usize] += gather.at(&cells, &start);
         }
     }
 }

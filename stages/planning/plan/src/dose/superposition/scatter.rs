@@ -2,7 +2,7 @@
 
 use super::field::{Field, is_near};
 use super::fluence::FluenceMap;
-use super::gather::{Cell, Gather};
+use super::gather::{Cell, Gather, Start};
 use super::section::Superposition;
 use crate::dose::engine::DoseEngine;
 use crate::dose::frame::BeamFrame;
@@ -27,7 +27,7 @@ pub(super) fn add(
     let fine = &engine.params.grid;
     let coarse = Coarse::over(fine);
     let cells = coarse.cells(engine, field, map);
-    let gather = Gather::new(&coarse.grid, frame, &section.scatter, REACH_MM);
+    let gather = Gather::new(&coarse.grid, frame, &section.scatter, REACH_MM, bounds);
     let rows: Vec<u32> = engine
         .voxels
         .iter()
@@ -41,9 +41,13 @@ pub(super) fn add(
     for voxel in &rows {
         coarse.around(fine.voxel(*voxel as usize), |place, _| is_needed[place] = true);
     }
-    let of = |place: usize| match is_needed[place] {
-        true => gather.at(&cells, coarse.grid.voxel(place), 0),
-        false => 0.0,
+    let of = |place: usize| {
+        if !is_needed[place] {
+            return 0.0;
+        }
+        let voxel = coarse.grid.voxel(place);
+        let beam_mm = frame.beam_from_patient(coarse.grid.centre_mm(voxel)).map(|mm| mm as f32);
+        gather.at(&cells, &Start { voxel, beam_mm, level: 0 })
     };
     let gathered: Vec<f32> = (0..coarse.grid.len()).map(of).collect();
     for voxel in rows {

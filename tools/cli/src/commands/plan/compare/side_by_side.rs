@@ -78,6 +78,7 @@ impl<'a> SideBySide<'a> {
         row("beams", &|p| angles(&p.file.angles_deg()));
         row("method", &|p| p.file.method.to_string());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
+        row("dose engine", &|p| p.file.dose.engine.to_string());
         row("grid of the dose, mm", &|p| format!("{:.2}", p.file.dose.grid.spacing_mm[0]));
         row("figures of", &|p| {
             if p.file.leaves.is_some() { "segments" } else { "planned fluence" }.to_owned()
@@ -159,6 +160,7 @@ impl<'a> SideBySide<'a> {
                 "angles_deg": p.file.angles_deg(),
                 "method": p.file.method,
                 "bixel_mm": p.file.dose.bixel_mm,
+                "engine": p.file.dose.engine,
                 "figures_of": if p.file.leaves.is_some() { "segments" } else { "fluence" },
                 "objective": p.file.objective,
                 "objective_of_segments": p.file.leaves.as_ref().map(|l| l.objective),

@@ -90,10 +90,12 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
     }
     let which = if outcome.leaves.is_some() { "segments" } else { "planned fluence" };
     let message = format!(
-        "Figures, slices and limits are of the dose of the {which}, computed on a grid of {:.2} mm.",
+        "Figures, slices and limits are of the dose of the {which}, computed by the engine {} on a grid of {:.2} mm.",
+        request.setup.spec.engine,
         outcome.grid().spacing_mm[0]
     );
     let mut blocks = vec![Block::Tiles(tiles), Block::Text(message)];
+    blocks.extend(outcome.caution(request).map(|caution| Block::Warning(format!("Caution: {caution}."))));
     if outcome.checked.faults.is_empty() {
         blocks.push(Block::Text("The plan check has passed.".to_owned()));
     }

@@ -43,6 +43,7 @@ fn prescription(request: &Request) -> Table {
         "machine",
         format!("{} MV, source to axis {} mm; {}", machine.energy_mv, machine.sad_mm, machine.provenance),
     );
+    row("dose engine", format!("{}: {}", request.setup.spec.engine, request.setup.spec.engine.about()));
     row(
         "leaves",
         match request.collimator() {
