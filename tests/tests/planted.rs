@@ -44,7 +44,7 @@ fn orders_that_the_far_end_refuses_are_named_with_their_reason() {
     let yaml = DEFAULT.replace("params: { key: examples/data/rig.key, acknowledge_every: 20 ms }", other);
     assert_ne!(yaml, DEFAULT);
     let key = bench.path("other.key");
-    std::fs::write(&key, "ab".repeat(32)).unwrap();
+    std::fs::write(&key, "0123456789abcdef".repeat(4)).unwrap();
     std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o600)).unwrap();
     let run = loop_of(&bench, &yaml);
     wait_for_trouble(&bench, &["far.state: ", "orders refused: forged"]);

@@ -49,6 +49,15 @@ pub struct OperatorRunner {
     pub down: Option<Down>,
 }
 
+/// The incarnation that an operator begins with in a process.
+#[derive(Clone, Copy, Debug)]
+pub struct FirstIncarnation<'c> {
+    /// Its number.
+    pub number: u32,
+    /// The changes of parameters that those before it took.
+    pub changes: &'c [TakenChange],
+}
+
 /// How long an operator that panicked does nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Down {
@@ -134,11 +143,10 @@ impl OperatorRunner {
     pub fn open(
         graph: &Graph,
         operator: usize,
-        incarnation: u32,
+        first: FirstIncarnation<'_>,
         domain: &Domain,
         files: &dyn Files,
         transport_of: TransportOf,
-        changes: &[TakenChange],
         listeners: &mut Vec<Listener>,
     ) -> Result<Self, WorkerError> {
         let node = &graph.operators[operator];
@@ -175,7 +183,7 @@ impl OperatorRunner {
         }
         let link_receiver = LinkReceiver::open(graph, operator, domain, transport_of)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
-        let instance = OperatorInstance::build(graph, operator, incarnation, files, outside, changes)
+        let instance = OperatorInstance::build(graph, operator, first.number, files, outside, first.changes)
             .map_err(|reason| WorkerError::Setup { operator: node.name.clone(), reason })?;
         Ok(Self {
             operator,

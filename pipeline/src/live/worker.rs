@@ -13,7 +13,7 @@ use super::error::WorkerError;
 use super::log::{self, Forward};
 use super::pipe::{PipeError, PipeRead, PipeReader, orders, send_message, take_control, wait_for};
 use super::run_folder::hold;
-use super::runner::{Down, OperatorRunner, PollOutcome};
+use super::runner::{Down, FirstIncarnation, OperatorRunner, PollOutcome};
 use super::watch::Watch;
 use super::wire::{TransportOf, transport_of};
 use crate::clock::{SessionClock, float_state_is_standard};
@@ -126,14 +126,15 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
     let mut runners = Vec::new();
     for (place, (operator, incarnation)) in process.operators.iter().zip(&hello.incarnations).enumerate() {
         log::enter(*operator);
+        let changes = hello.changes.get(place).map_or(&[][..], Vec::as_slice);
+        let first = FirstIncarnation { number: *incarnation, changes };
         runners.push(OperatorRunner::open(
             &graph,
             *operator,
-            *incarnation,
+            first,
             &domain,
             &files,
             transport_of,
-            hello.changes.get(place).map_or(&[], Vec::as_slice),
             &mut listeners,
         )?);
     }

@@ -75,7 +75,7 @@ impl Past {
         drop(journals);
         let pictures =
             scene.camera.as_ref().map(|c| Arc::new(Pictures::of(&session, &graph, &ran, files, c)));
-        about["images"] = json!(pictures.as_ref().map(|p| p.from_where()));
+        about["images"] = json!(pictures.as_ref().map(|p| p.place()));
         let past = Self { of, session, graph: ran, base, window, slow, pictures };
         let served = Served { about, camera: scene.camera, base, past: Some(past), ..Served::default() };
         served.add(rows);

@@ -74,7 +74,7 @@ impl Pictures {
     }
 
     /// Where the images come from.
-    pub fn from_where(&self) -> &'static str {
+    pub fn place(&self) -> &'static str {
         if self.needs_replay { "computed by a replay" } else { "recorded" }
     }
 
@@ -142,7 +142,7 @@ impl Collector<'_> {
         let most = (MOST_BYTES / bytes.max(1)).max(1);
         let step = self.of.images.len().div_ceil(most).max(1);
         self.seen += 1;
-        if self.seen % step == 0 || self.seen == 1 {
+        if self.seen.is_multiple_of(step) || self.seen == 1 {
             self.of.lock().insert(picture.origin, picture);
         }
     }

@@ -59,6 +59,7 @@ fn snapshot() -> Snapshot {
         processes: Vec::new(),
         changed: Vec::new(),
         recorder: Some(RecorderRow { session: "sessions/head-3dof-0001".into(), bytes: 4_100_000, free_bytes: None }),
+        clock_set_s: Some(0.0),
     }
 }
 
