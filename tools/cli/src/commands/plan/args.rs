@@ -5,9 +5,8 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand, ValueEnum};
-use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy, UnknownName};
 use stillpoint_plan::dose::EngineName;
-use stillpoint_plan::recipe::{MethodName, PriorName, RobustBy};
+use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy};
 
 use super::compare;
 use crate::pool::PoolArgs;

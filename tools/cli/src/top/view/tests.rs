@@ -39,7 +39,6 @@ fn snapshot() -> Snapshot {
         of: serde_json::json!({ "run": 7 }),
         pipeline: "head-3dof".into(),
         seconds: 2.0,
-        clock_set_s: None,
         troubles: vec!["law: missed 40 of 140 ticks; a step takes 31.2 ms (p99 60.5 ms), which is longer than its period".into()],
         found: vec!["frames: 20, of which 19 with a face".into()],
         held: None,
