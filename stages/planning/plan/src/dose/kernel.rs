@@ -94,10 +94,14 @@ fn edge_profile(width_mm: f64, fwhm_mm: f64) -> Vec<f64> {
 
     let sigma_mm = fwhm_mm / libm::sqrt(8.0 * core::f64::consts::LN_2);
     let reach = (GAUSS_SIGMAS * sigma_mm / STEP_MM).ceil() as isize;
-    let gauss = |offset: isize| {
+    let sampled = |offset: isize| {
         let x = offset as f64 * STEP_MM / sigma_mm;
         STEP_MM / (sigma_mm * libm::sqrt(core::f64::consts::TAU)) * libm::exp(-0.5 * x * x)
     };
+    // Samples of a Gaussian that is narrower than the step do not sum to 1.
+    let total: f64 = (-reach..=reach).map(sampled).sum();
+    let is_narrow = (total - 1.0).abs() > 1e-5;
+    let gauss = |offset: isize| if is_narrow { sampled(offset) / total } else { sampled(offset) };
     let blurred = |at: isize| -> f64 {
         (0..cells)
             .filter(|cell| (at - cell).abs() <= reach)
@@ -154,6 +158,16 @@ mod tests {
             kernel[0] = 4.0;
         }
         Machine::new(file).unwrap()
+    }
+
+    #[test]
+    fn a_penumbra_of_any_width_adds_and_takes_no_fluence() {
+        for fwhm_mm in [0.1, 0.3, 0.5, 0.9, 1.0, 5.0, 20.0] {
+            for width_mm in [5.0, 7.3, 10.0] {
+                let total_mm = STEP_MM * edge_profile(width_mm, fwhm_mm).iter().sum::<f64>();
+                assert!((total_mm - width_mm).abs() < 1e-4 * width_mm, "{fwhm_mm} {width_mm}: {total_mm}");
+            }
+        }
     }
 
     #[test]
