@@ -85,7 +85,7 @@ use stillpoint_operator::{Registry, Stage};
 use commands::Command;
 
 pub use attach::{Attached, Which};
-pub use commands::replay::{Nobody, opening_of};
+pub use commands::replay::opening_of;
 pub use commands::run::Run;
 pub use commands::send::deliver;
 pub use exit::{Ended, Exit, Failure, print_json};
@@ -93,7 +93,7 @@ pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 pub use pool::{PoolArgs, print_shares};
 pub use program::{child, launch, program};
 pub use quantity::quantity;
-pub use rerun::{Computed, Rerun, RerunError};
+pub use rerun::{Computed, Nobody, Rerun, RerunError};
 pub use tap::Tap;
 
 /// Exit code of a child process that failed.

@@ -10,15 +10,31 @@ use serde_json::{Value, json};
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::{DiskFiles, Files, FilesError};
 use stillpoint_pipeline::config;
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::what_if::{Checked, Options, StepTimes, WhatIf, WhatIfError, what_if};
 use stillpoint_recorder::{Compression, METADATA_FILE, Session, write_metadata};
 use stillpoint_report::compare::{self, Choice, Comparison};
 use stillpoint_report::{SessionPipeline, SessionPipelineError, recorded_pipeline};
+use stillpoint_samples::Entry;
 
-use crate::commands::replay::Nobody;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::pipeline_file::{PipelineFile, Refused};
+
+/// An observer that keeps nothing.
+pub struct Nobody;
+
+impl Observer for Nobody {
+    fn on_activation(
+        &mut self,
+        _: usize,
+        _: &Entry,
+        _: &[(usize, OwnedSample)],
+    ) -> Result<(), ObserverError> {
+        Ok(())
+    }
+}
 
 /// What is changed, and how the session runs again.
 #[derive(Clone, Debug, Default)]
@@ -207,6 +223,17 @@ impl Rerun {
 }
 
 impl Computed {
+    /// How the command ends.
+    pub fn exit(&self) -> Exit {
+        let done = &self.done;
+        match () {
+            () if done.report.ended_early.is_some() => Exit::Failed,
+            () if done.replayed.differences > 0 => Exit::Differs,
+            () if !done.open().is_empty() => Exit::Open,
+            () => Exit::Done,
+        }
+    }
+
     /// All of it as JSON: of the session at `path`, written as the session `record`.
     pub fn to_json(&self, path: &Path, record: Option<&Path>) -> Value {
         let Self { done, comparison, wall_seconds, .. } = self;

@@ -7,21 +7,18 @@ use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
-use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::schedule::{Observer, ObserverError};
 use stillpoint_pipeline::session::{HASHES, IDENTITY, RUN, identity};
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::stdout::StdoutRedirect;
 use stillpoint_recorder::{Opening, Session};
 use stillpoint_report::facts::layout;
 use stillpoint_report::pipeline_of;
-use stillpoint_samples::Entry;
 
 use super::what_if::WhatIfArgs;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
-use crate::rerun::add_metadata;
+use crate::rerun::{Nobody, add_metadata};
 
 /// Replay a session from its journals and compare every recorded topic byte by byte; or, with `--set`, compute what a
 /// change would have done.
@@ -55,20 +52,6 @@ pub struct Replay {
 
 /// Gaps that are shown.
 const MOST_GAPS: usize = 5;
-
-/// An observer that keeps nothing.
-pub struct Nobody;
-
-impl Observer for Nobody {
-    fn on_activation(
-        &mut self,
-        _: usize,
-        _: &Entry,
-        _: &[(usize, OwnedSample)],
-    ) -> Result<(), ObserverError> {
-        Ok(())
-    }
-}
 
 impl Replay {
     /// Executes the subcommand.

@@ -12,7 +12,6 @@ use stillpoint_report::compare::Figure;
 use stillpoint_report::page::{Block, Section};
 use stillpoint_report::{html, numbers};
 
-use super::what_if::exit_of;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::jobs;
@@ -120,7 +119,7 @@ impl Sweep {
         if let Some(page) = page {
             self.write_page(page, &points)?;
         }
-        let exits: Vec<Exit> = points.iter().map(|point| exit_of(&point.computed.done)).collect();
+        let exits: Vec<Exit> = points.iter().map(|point| point.computed.exit()).collect();
         let exit = exits.iter().copied().find(|exit| *exit != Exit::Done).unwrap_or(Exit::Done);
         if is_json {
             print_json(&self.json(path, &points))?;

@@ -11,7 +11,7 @@ use stillpoint_report::compare::Choice;
 use super::diff::{Align, write_page};
 use super::sweep::Sweep;
 use crate::differences;
-use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::exit::{Ended, Failure, print_json};
 use crate::rerun::{Computed, Rerun, RerunError};
 use crate::signals::stop_flag_of_this_process;
 
@@ -115,7 +115,7 @@ impl WhatIfArgs {
             let changes: Vec<String> = done.changes.iter().map(ToString::to_string).collect();
             write_page(page, comparison, names, &changes)?;
         }
-        let exit = exit_of(done);
+        let exit = computed.exit();
         if is_json {
             print_json(&computed.to_json(path, record))?;
             return Ok(exit);
@@ -180,14 +180,5 @@ impl WhatIfArgs {
         if let Some(reason) = &done.report.ended_early {
             outln!("ended early: {reason}");
         }
-    }
-}
-
-pub(super) fn exit_of(done: &WhatIf) -> Exit {
-    match () {
-        () if done.report.ended_early.is_some() => Exit::Failed,
-        () if done.replayed.differences > 0 => Exit::Differs,
-        () if !done.open().is_empty() => Exit::Open,
-        () => Exit::Done,
     }
 }

@@ -4,28 +4,11 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use stillpoint_plan::dose::EngineName;
 use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy};
 
-use super::compare;
 use crate::pool::PoolArgs;
-
-/// Choose the beams of a case and optimise their fluence.
-///
-/// Without a case, the synthetic pelvis of seed 0 is planned. Several cases are a queue: each is planned as if it were alone,
-/// and the output is a table. A case whose plan failed does not stop the others, and a plan that an earlier call finished with
-/// the same case, arguments and build is not made again: the file request.json in its folder records them. Beams stand at least 20 degrees apart on a ring of 90 angles.
-/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
-/// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
-#[derive(Args)]
-#[command(args_conflicts_with_subcommands = true)]
-pub struct Plan {
-    #[command(subcommand)]
-    pub(super) action: Option<Action>,
-    #[command(flatten)]
-    pub(super) args: PlanArgs,
-}
 
 /// What is planned.
 #[derive(Args)]
@@ -129,12 +112,6 @@ pub struct PlanArgs {
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,
-}
-
-#[derive(Subcommand)]
-pub(super) enum Action {
-    /// Show two plans of one case side by side.
-    Compare(compare::Compare),
 }
 
 /// What is optimised where there are several set-ups.

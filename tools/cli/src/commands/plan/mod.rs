@@ -33,17 +33,40 @@ mod tree;
 
 use std::num::NonZeroUsize;
 
+use clap::{Args, Subcommand};
 use serde_json::json;
 
 use crate::exit::{Ended, Failure, print_json};
-use args::Action;
-use patient::{Made, Patient};
+use args::PlanArgs;
+use patient::Made;
 use queue::Queue;
+use request::Patient;
 
-pub use args::Plan;
 pub(super) use charts::percent_curve;
 pub(super) use prepared::bar;
 pub(super) use request::machine as machine_of;
+
+/// Choose the beams of a case and optimise their fluence.
+///
+/// Without a case, the synthetic pelvis of seed 0 is planned. Several cases are a queue: each is planned as if it were alone,
+/// and the output is a table. A case whose plan failed does not stop the others, and a plan that an earlier call finished with
+/// the same case, arguments and build is not made again: the file request.json in its folder records them. Beams stand at least 20 degrees apart on a ring of 90 angles.
+/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
+/// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Plan {
+    #[command(subcommand)]
+    action: Option<Action>,
+    #[command(flatten)]
+    args: PlanArgs,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Show two plans of one case side by side.
+    Compare(compare::Compare),
+}
 
 impl Plan {
     /// Executes the subcommand.

@@ -1,7 +1,6 @@
 //! The plan of one patient: from the request to the files.
 
-use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use stillpoint_plan::recipe::PlanRun;
@@ -11,21 +10,9 @@ use super::folder;
 use super::outcome::Outcome;
 use super::pooled::Pooled;
 use super::prepared::Prepared;
-use super::request::Request;
+use super::request::{Patient, Request};
 use super::search;
 use crate::exit::{Ended, Exit, Failure};
-
-/// Who is planned, where the plan goes, and how. No plan depends on more of it than the case.
-pub struct Patient<'a> {
-    /// The case file; none for the synthetic pelvis of seed 0.
-    pub case: Option<&'a Path>,
-    /// The folder of the plan, unless it is that of the name of the case.
-    pub out: Option<PathBuf>,
-    /// Threads.
-    pub threads: NonZeroUsize,
-    /// Nothing is printed but what happens to workers.
-    pub is_quiet: bool,
-}
 
 /// A plan that was made and written.
 pub struct Made<'a> {

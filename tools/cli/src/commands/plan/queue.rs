@@ -18,7 +18,8 @@ use stillpoint_plan::plan_file::PlanFile;
 use stillpoint_pool::Build;
 
 use super::args::PlanArgs;
-use super::patient::{self, Patient};
+use super::patient;
+use super::request::Patient;
 use super::table::angles;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};

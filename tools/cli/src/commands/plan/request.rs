@@ -16,9 +16,20 @@ use stillpoint_plan::recipe::{
 use stillpoint_planner::protocol;
 
 use super::args::PlanArgs;
-use super::patient::Patient;
 use crate::exit::Failure;
 use crate::quantity::quantity;
+
+/// Who is planned, where the plan goes, and how. No plan depends on more of it than the case.
+pub struct Patient<'a> {
+    /// The case file; none for the synthetic pelvis of seed 0.
+    pub case: Option<&'a Path>,
+    /// The folder of the plan, unless it is that of the name of the case.
+    pub out: Option<PathBuf>,
+    /// Threads.
+    pub threads: NonZeroUsize,
+    /// Nothing is printed but what happens to workers.
+    pub is_quiet: bool,
+}
 
 /// A consistent request.
 pub struct Request {
