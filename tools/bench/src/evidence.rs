@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use stillpoint_recorder::{Completeness, Session, session_parts};
 use stillpoint_samples::{
-    Actuation, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement, Pieces, RigState, Sample, Track,
-    View,
+    Actuation, Diagnostics, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement, Pieces, RigState,
+    Sample, Track, View,
 };
 
 use stillpoint::Failure;
@@ -40,7 +40,7 @@ pub struct Evidence {
     pub vents: Vec<Vent>,
     /// All reasons and faults of actuation after the fault, as bits.
     pub reasons: u32,
-    /// Number of datagrams that the far end refused.
+    /// Number of datagrams that the far end refused, or that its link did not take.
     pub refused: u64,
     /// Names of the processes that did not end in order.
     pub died: BTreeSet<String>,
@@ -78,6 +78,8 @@ struct Tracks {
     /// Stamps of poses, and acquisition times of their frames, ns.
     poses: Vec<(u64, u64)>,
     reasons: Vec<(u64, u32)>,
+    /// Datagrams for the valves that the link did not take.
+    untaken: u64,
 }
 
 impl Evidence {
@@ -103,7 +105,9 @@ impl Evidence {
 
 impl Tracks {
     fn read(session: &Session) -> Result<Self, Failure> {
-        const TOPICS: [&str; 5] = ["far.state", "far.duties", "rig.state", "filter.state", "valves.state"];
+        const LINK: &str = "valves_datagram.diagnostics";
+        const TOPICS: [&str; 6] =
+            ["far.state", "far.duties", "rig.state", "filter.state", "valves.state", LINK];
         let mut tracks = Self::default();
         for recorded in session.samples_where(|t| TOPICS.contains(&t.name.as_str())) {
             let recorded = recorded.map_err(Failure::failed)?;
@@ -123,6 +127,13 @@ impl Tracks {
                     let valves = &state.opening[..2 * (state.bladders as usize).min(8)];
                     let safe = valves.chunks_exact(2).all(|pair| pair[0] <= SHUT && pair[1] >= OPEN);
                     tracks.rig.push((view.header.stamp, safe));
+                }
+                LINK => {
+                    let of =
+                        |name: &str| ["foreign", "too_many", "too_long", "too_many_at_once"].contains(&name);
+                    let counts = view::<Diagnostics>(bytes)?;
+                    let untaken = counts.elements.iter().filter(|metric| of(metric.name()));
+                    tracks.untaken = untaken.map(|metric| metric.value as u64).sum();
                 }
                 "filter.state" => {
                     let view = view::<Track>(bytes)?;
@@ -155,7 +166,7 @@ impl Tracks {
             beam_ms: watched().find(|(_, s)| s.beam == 0).map(|(stamp, _)| after(*stamp)),
             vents: self.vents(struck, until),
             reasons: self.reasons.iter().filter(|(s, _)| *s >= struck).fold(0, |all, (_, r)| all | r),
-            refused: self.far.last().map_or(0, |(_, s)| s.refused),
+            refused: self.untaken + self.far.last().map_or(0, |(_, s)| s.refused),
             bedside_stood_ms: longest_pause(self.far.iter().map(|(s, _)| *s), struck, until)
                 .max(longest_pause(self.rig.iter().map(|(s, _)| *s), struck, until)),
             jump: self.jump(),
