@@ -224,6 +224,9 @@ struct Entries {
     scatter: Vec<f32>,
 }
 
+/// Bixels with their fluence, where their primary dose is filed, that dose, and the scatter of a bixel.
+type Filed<'a> = (&'a [([f64; 2], f32)], &'a Filer, &'a [f32], &'a ScatterPencil);
+
 impl Entries {
     fn new(bixels: usize) -> Self {
         Self { columns: vec![Vec::new(); bixels], scatter: vec![0.0; bixels] }
@@ -235,7 +238,7 @@ impl Entries {
         engine: &DoseEngine,
         section: &Superposition,
         (voxel, row, open): (&FieldVoxel, u32, f32),
-        (bixels, filer, primary, pencil): (&[([f64; 2], f32)], &Filer, &[f32], &ScatterPencil),
+        (bixels, filer, primary, pencil): Filed<'_>,
     ) {
         let cutoff2 = (engine.params.cutoff_mm * engine.params.cutoff_mm) as f32;
         // Distances in the plane of the voxel, for a kernel in millimetres of tissue.
