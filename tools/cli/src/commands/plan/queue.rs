@@ -99,7 +99,10 @@ impl<'a> Queue<'a> {
                             let taken = &mut waiting.lock().unwrap_or_else(PoisonError::into_inner).1;
                             match taken.get(out) {
                                 Some(other) => Err(other.clone()),
-                                None => Ok(drop(taken.insert(out.to_owned(), case.clone()))),
+                                None => {
+                                    taken.insert(out.to_owned(), case.clone());
+                                    Ok(())
+                                }
                             }
                         };
                         let row = self.row(case, claim);
