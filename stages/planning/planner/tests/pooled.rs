@@ -250,7 +250,7 @@ fn updates_over_a_pool_are_those_without_one_whatever_happens_to_workers_and_mes
 }
 
 #[test]
-fn updates_over_a_pool_are_those_without_one_with_several_leaves_under_way() {
+fn updates_over_a_pool_are_those_without_one_with_several_leaves_in_progress() {
     let wide = ", method: search, leaves: 4";
     let expected = updates(&play(None, wide, 40));
     assert!(expected.len() > 10 && expected != updates(&play(None, ", method: search", 40)));

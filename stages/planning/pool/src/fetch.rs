@@ -36,7 +36,7 @@ pub enum FetchError {
     #[error("the parts of {0:.16} do not fit together")]
     Parts(Hash),
     /// It is too long.
-    #[error("{0:.16} is said to have {1} bytes; at most {2} are fetched")]
+    #[error("{0:.16} is announced with {1} bytes; at most {2} are fetched")]
     Long(Hash, u64, u64),
     /// What arrived is something else.
     #[error("what arrived as {0:.16} has the SHA-256 {1:.16}")]

@@ -45,7 +45,7 @@ fn the_plan_is_the_same_with_no_worker_one_and_eight() {
 }
 
 #[test]
-fn the_plan_depends_on_the_leaves_under_way_and_not_on_the_workers_that_solve_them() {
+fn the_plan_depends_on_the_leaves_in_progress_and_not_on_the_workers_that_solve_them() {
     let water = Water::new();
     let plans = [4, 8].map(|leaves| {
         let expected = alone_with(&water, leaves);
@@ -63,7 +63,7 @@ fn the_plan_depends_on_the_leaves_under_way_and_not_on_the_workers_that_solve_th
 }
 
 #[test]
-fn more_leaves_under_way_keep_more_workers_busy() {
+fn more_leaves_in_progress_keep_more_workers_busy() {
     let water = Water::new();
     let took = |leaves| {
         let mut pool = pool(1, CALM, &vec![Part { job: 1000 * MS, ..Part::default() }; 4]);

@@ -164,7 +164,7 @@ fn limits_for_fractions_of_2_gy_do_not_pass_for_one_of_20_gy() {
 }
 
 #[test]
-fn leaves_under_way_are_part_of_a_plan_and_refused_where_a_method_has_none() {
+fn leaves_in_progress_are_part_of_a_plan_and_refused_where_a_method_has_none() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "8", "--method", "search", "--out", "wide", "--leaves", "4"];
     let reported = plan(folder.path(), &asked);

@@ -18,17 +18,17 @@ pub struct Group {
 impl<I: Influence + ?Sized> Evaluator<'_, I> {
     /// Whether one more leaf may be under way.
     pub fn has_room(&self) -> bool {
-        self.under_way.len() < self.leaves.get()
+        self.in_progress.len() < self.leaves.get()
     }
 
     /// Leaves that are under way.
-    pub fn leaves_under_way(&self) -> usize {
-        self.under_way.len()
+    pub fn leaves_in_progress(&self) -> usize {
+        self.in_progress.len()
     }
 
     /// Whether a set is under way.
-    pub fn is_under_way(&self, set: &BeamSet) -> bool {
-        self.under_way.iter().any(|group| group.sets.contains(set))
+    pub fn is_in_progress(&self, set: &BeamSet) -> bool {
+        self.in_progress.iter().any(|group| group.sets.contains(set))
     }
 
     /// Begins a leaf: the sets that are neither solved nor under way, as many as the budget allows, each from the
@@ -38,10 +38,10 @@ impl<I: Influence + ?Sized> Evaluator<'_, I> {
     /// # Errors
     /// As for [`super::Solver::begin`].
     pub fn begin(&mut self, sets: &[BeamSet], near: Option<&Arc<Evaluated>>) -> Result<bool, Stop> {
-        let begun: usize = self.under_way.iter().map(|group| group.sets.len()).sum();
+        let begun: usize = self.in_progress.iter().map(|group| group.sets.len()).sum();
         let mut fresh: Vec<BeamSet> = Vec::new();
         for set in sets {
-            if !self.knows(set) && !self.is_under_way(set) && !fresh.contains(set) {
+            if !self.knows(set) && !self.is_in_progress(set) && !fresh.contains(set) {
                 fresh.push(set.clone());
             }
         }
@@ -56,7 +56,7 @@ impl<I: Influence + ?Sized> Evaluator<'_, I> {
                 solver.begin(&unknown, near.map(|near| &**near), self.tolerance)?;
             }
         }
-        self.under_way.push_back(Group { sets: fresh, near: near.cloned() });
+        self.in_progress.push_back(Group { sets: fresh, near: near.cloned() });
         Ok(true)
     }
 
@@ -65,22 +65,22 @@ impl<I: Influence + ?Sized> Evaluator<'_, I> {
     /// # Errors
     /// As for [`Evaluator::evaluate_all`].
     pub fn take_next(&mut self) -> Result<Option<Vec<Arc<Evaluated>>>, Stop> {
-        self.solve_all_under_way()?;
-        let Some(group) = self.under_way.pop_front() else { return Ok(None) };
+        self.solve_all_in_progress()?;
+        let Some(group) = self.in_progress.pop_front() else { return Ok(None) };
         self.evaluate_all(&group.sets, group.near.as_deref()).map(Some)
     }
 
     /// Solves all that is under way at once, on the threads of this process, if the next leaf is not solved.
-    fn solve_all_under_way(&mut self) -> Result<(), Stop> {
-        if self.elsewhere.is_some() || self.threads.get() == 1 || self.under_way.len() < 2 {
+    fn solve_all_in_progress(&mut self) -> Result<(), Stop> {
+        if self.elsewhere.is_some() || self.threads.get() == 1 || self.in_progress.len() < 2 {
             return Ok(());
         }
         let is_missing = |set: &&BeamSet| !self.memo.solved.contains_key(*set);
-        if !self.under_way.iter().take(1).flat_map(|group| &group.sets).any(|set| is_missing(&set)) {
+        if !self.in_progress.iter().take(1).flat_map(|group| &group.sets).any(|set| is_missing(&set)) {
             return Ok(());
         }
         let begun = self
-            .under_way
+            .in_progress
             .iter()
             .flat_map(|group| group.sets.iter().filter(is_missing).map(|set| (set, group.near.as_deref())));
         let begun: Vec<Begun<'_>> = begun.collect();

@@ -119,7 +119,7 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     /// Leaves that a search may have under way.
     pub(super) leaves: NonZeroUsize,
     /// Sets that are under way, in the order in which they are taken.
-    pub(super) under_way: VecDeque<Group>,
+    pub(super) in_progress: VecDeque<Group>,
     /// To which part of its optimum each set is solved.
     pub(super) tolerance: f64,
     /// Who answers each plan with a set-up error.
@@ -146,7 +146,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             pause: usize::MAX,
             threads: NonZeroUsize::MIN,
             leaves: NonZeroUsize::MIN,
-            under_way: VecDeque::new(),
+            in_progress: VecDeque::new(),
             tolerance: SOLVE_TOLERANCE,
             second: None,
             elsewhere: None,

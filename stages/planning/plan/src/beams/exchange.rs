@@ -78,15 +78,15 @@ fn descend<I: Influence + ?Sized>(
     let mut earlier = 0;
     loop {
         match look(evaluator, &now, lists)? {
-            Look::Better(better) => (now, earlier) = (better, evaluator.leaves_under_way()),
-            Look::Exhausted if evaluator.leaves_under_way() == 0 => return Ok(()),
+            Look::Better(better) => (now, earlier) = (better, evaluator.leaves_in_progress()),
+            Look::Exhausted if evaluator.leaves_in_progress() == 0 => return Ok(()),
             Look::Exhausted | Look::Later => {
                 let solved = evaluator.take_next()?.unwrap_or_default();
                 let full = solved.into_iter().filter(|set| set.beams.beams().len() == evaluator.beams());
                 let best = cheapest(full).filter(|best| earlier > 0 && best.cost < now.cost);
                 earlier = earlier.saturating_sub(1);
                 if let Some(best) = best {
-                    (now, earlier) = (best, evaluator.leaves_under_way());
+                    (now, earlier) = (best, evaluator.leaves_in_progress());
                 }
             }
         }
@@ -164,14 +164,14 @@ fn begin<I: Influence + ?Sized>(
     sets: &[BeamSet],
     near: &Arc<Evaluated>,
 ) -> Result<bool, Stop> {
-    if sets.iter().all(|set| evaluator.knows(set) || evaluator.is_under_way(set)) {
+    if sets.iter().all(|set| evaluator.knows(set) || evaluator.is_in_progress(set)) {
         return Ok(evaluator.has_room());
     }
     if !evaluator.has_room() {
         return Ok(false);
     }
     if !evaluator.begin(sets, Some(near))? {
-        return if evaluator.leaves_under_way() > 0 { Ok(false) } else { Err(Stop::Spent) };
+        return if evaluator.leaves_in_progress() > 0 { Ok(false) } else { Err(Stop::Spent) };
     }
     Ok(evaluator.has_room())
 }

@@ -276,7 +276,7 @@ fn the_number_of_leaves_decides_the_course_of_a_search_and_threads_do_not() {
 }
 
 #[test]
-fn as_many_leaves_are_under_way_as_are_allowed_and_they_are_taken_in_their_order() {
+fn as_many_leaves_are_in_progress_as_are_allowed_and_they_are_taken_in_their_order() {
     let (matrices, goals) = disc();
     for (method, sets) in looking_ahead() {
         for leaves in [1, 4, 8] {

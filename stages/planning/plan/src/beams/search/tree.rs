@@ -213,7 +213,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             let left = others.remove(slot);
             let stay = ring.set(&others)?;
             if !self.ready(&stay)? {
-                if !self.evaluator.is_under_way(&stay) {
+                if !self.evaluator.is_in_progress(&stay) {
                     // A slot that is not open yet promises what is open at best, no gain otherwise.
                     let q = self.utility(here.cost);
                     offer(puct(q, *slot_probability, 0, visits + 1, self.options.c), stay, 0.0_f64.max(q));
@@ -237,7 +237,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
             let noise = (path.len() == 1).then(|| self.noise.get(&stay)).flatten();
             for (i, set) in sets.into_iter().enumerate() {
                 let beam = retained.candidates[i];
-                if beam == left || path.contains(&set) || self.evaluator.is_under_way(&set) {
+                if beam == left || path.contains(&set) || self.evaluator.is_in_progress(&set) {
                     continue;
                 }
                 if costs[i].is_some() && deepest {
@@ -334,7 +334,7 @@ impl<'t, 'a, I: Influence + ?Sized> Tree<'t, 'a, I> {
                 }
                 _ => fresh,
             };
-            if !self.evaluator.knows(&set) && !self.evaluator.is_under_way(&set) {
+            if !self.evaluator.knows(&set) && !self.evaluator.is_in_progress(&set) {
                 let beginning = self.beginning;
                 return Some(Leaf { path: Vec::new(), set, expected: 0.0, beginning, is_root: true });
             }
