@@ -22,7 +22,7 @@ impl Browser {
     /// Opens a page. `None` where Chromium is not installed: the test says that it skips.
     pub fn open(url: &str) -> Option<Self> {
         if Command::new("chromium").arg("--version").output().is_err() {
-            println!("skipped: chromium is not installed");
+            eprintln!("skipped: chromium is not installed");
             return None;
         }
         let folder = tempfile::tempdir().unwrap();
