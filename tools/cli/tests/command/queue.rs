@@ -18,7 +18,7 @@ fn plan(folder: &Path, arguments: &[&str]) -> Output {
 /// The state of each patient.
 fn states(out: &Output) -> Vec<String> {
     let rows: Value =
-        serde_json::from_slice(&out.stdout).unwrap_or_else(|e| panic!("{e}: {}", text(&out.stderr)));
+        serde_json::from_slice(&out.stdout).map_err(|e| format!("{e}: {}", text(&out.stderr))).unwrap();
     rows.as_array().unwrap().iter().map(|row| row["state"].as_str().unwrap().to_owned()).collect()
 }
 
