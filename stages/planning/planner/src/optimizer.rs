@@ -345,12 +345,16 @@ impl PlanOptimizer {
         self.is_here = true;
         match (turn.state, self.params.pool.degraded) {
             (PoolState::Degraded, Degraded::Keep) => {
+                tracing::warn!("no worker of the pool was there for the time of patience: the plan stays");
                 let request = job.asked.request;
                 self.keep_standing();
                 self.job = None;
                 self.refuse(request, PlanRefusal::Pool, outputs)
             }
             (PoolState::Degraded, Degraded::Local) => {
+                tracing::warn!(
+                    "no worker of the pool was there for the time of patience: this process solves less"
+                );
                 job.cut_short(self.params.pool.solves as usize);
                 if job.ended { self.send_part(outputs) } else { Ok(()) }
             }

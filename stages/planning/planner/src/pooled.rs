@@ -106,6 +106,8 @@ impl Pooled {
             if !self.busy {
                 self.client.tick(now);
             }
+            // Which worker is there, and why one is not asked.
+            self.client.take_news().iter().for_each(|news| tracing::info!("{news}"));
             let tainted = self.client.take_tainted();
             if self.alone || !tainted.is_empty() {
                 return Ok(Turn { state: self.state(now), tainted });
