@@ -94,7 +94,7 @@ impl From<PriorChoice> for PriorName {
 pub enum EngineChoice {
     /// Pencil beams: fast, and too high in lung and behind air.
     Pencil,
-    /// Superposition of point kernels: slower, and right there.
+    /// Superposition of point kernels: slower, and near Monte Carlo there.
     Superposition,
 }
 

@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use stillpoint_pipeline::program::Program;
 
 /// Longest word of a command.
 const LONGEST: usize = 64;
@@ -78,7 +79,10 @@ impl Commands {
             serde_json::from_str(body).map_err(|error| CommandError::Invalid(error.to_string()))?;
         let asked = asked.checked()?;
         let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
-        let done = Command::new(std::env::current_exe()?)
+        let program = Program::here()?;
+        let done = Command::new(program.executable)
+            .args(program.lead)
+            .envs(program.environment)
             .args(["send", "--run", &self.run.to_string(), "--", &asked.command])
             .args(&asked.values)
             .stdin(Stdio::null())

@@ -13,7 +13,7 @@ pub enum EngineName {
     /// Pencil beams: fast, and wrong in lung and behind air.
     #[default]
     Pencil,
-    /// Superposition of point kernels: slower, and right there.
+    /// Superposition of point kernels: slower, and near Monte Carlo there.
     Superposition,
 }
 
@@ -38,7 +38,7 @@ impl EngineName {
     pub fn about(self) -> &'static str {
         match self {
             Self::Pencil => "pencil beams: fast, and too high in lung and behind air",
-            Self::Superposition => "superposition of point kernels: slower, and right there",
+            Self::Superposition => "superposition of point kernels: slower, and near Monte Carlo there",
         }
     }
 }
