@@ -19,10 +19,11 @@ use crate::find::{DEEPEST, Found, find, read_error};
 use crate::import_messages::sentences;
 use crate::names;
 use crate::property::{self, Material};
-use crate::raster::{Rastered, rasterise};
+use crate::raster::{Contour, Rastered, rasterise};
 use crate::roi::{self, Roi, Rois};
 use crate::series::{SeriesError, Volume, volume};
 use crate::slice::{Reading, Slice};
+use crate::stack::Stack;
 
 /// What the files do not say.
 #[derive(Clone, Debug)]
@@ -45,6 +46,8 @@ pub struct Request<'a> {
     pub position: Option<PatientPosition>,
     /// Whether values are taken that are no Hounsfield units of a patient.
     pub scale: Scale,
+    /// Whether images that are unevenly spaced or of a tilted gantry are resampled, which changes their values.
+    pub resample: bool,
 }
 
 /// Why a folder makes no case.
@@ -155,18 +158,20 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
     let (mut notes, mut left_out) = (Vec::new(), Vec::new());
     let Found { images, series, structures } =
         find(folder, request.series.as_ref(), &mut notes, &mut left_out)?;
-    let reading = Reading { position: request.position, scale: request.scale };
+    let reading = Reading { position: request.position, scale: request.scale, resample: request.resample };
     let mut slices = Vec::with_capacity(images.len());
     for (path, data) in images {
         let slice = Slice::read_as(&data, reading).map_err(|source| read_error(&path, source))?;
         slices.push((path, slice));
     }
-    let Volume { grid, mut hu, study, frame_of_reference: frame, position, notes: of_volume } =
-        volume(slices)?;
+    let tilt = slices.first().map_or(0.0, |(_, slice)| slice.tilt);
+    let Volume { grid, mut hu, study, frame_of_reference: frame, position, stack, notes: of_volume } =
+        volume(slices, request.resample)?;
     notes.extend(of_volume);
-    let rois = structure_set(folder, structures, &series, &frame)?;
+    let rois = structure_set(folder, structures, &series, &frame, tilt)?;
     left_out.extend(rois.left_out);
-    let Taken { mut structures, materials, written } = drawn(&rois.rois, &grid, request, &mut notes)?;
+    let onto = Onto { grid: &grid, stack: stack.as_ref() };
+    let Taken { mut structures, materials, written } = drawn(&rois.rois, onto, request, &mut notes)?;
     settle(&grid, &hu, &mut structures, request.scale, &mut notes)
         .map_err(|source| ImportError::Intake { folder: folder.to_owned(), source })?;
     property::apply(&grid, &materials, &mut hu, &mut structures, &mut notes);
@@ -184,7 +189,10 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
         fractions: request.fractions,
         reference_dose_gy: None,
         uids: Some(Uids { study, series, frame_of_reference: frame, structure_set: rois.uid }),
-        provenance: "DICOM CT and RTSTRUCT".to_owned(),
+        provenance: match stack {
+            None => "DICOM CT and RTSTRUCT".to_owned(),
+            Some(_) => "DICOM CT, resampled, and RTSTRUCT".to_owned(),
+        },
     };
     let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
     Ok(Imported { case: case.lying(position), notes, left_out })
@@ -224,10 +232,27 @@ struct Taken<'a> {
     written: Vec<(String, String)>,
 }
 
+/// The volume that structures are drawn onto.
+#[derive(Clone, Copy)]
+struct Onto<'a> {
+    grid: &'a Grid,
+    /// The images that contours were drawn on, where the volume is resampled.
+    stack: Option<&'a Stack>,
+}
+
+impl Onto<'_> {
+    fn rasterise(self, contours: &[Contour]) -> Rastered {
+        match self.stack {
+            None => rasterise(self.grid, contours),
+            Some(stack) => stack.rasterise(contours, self.grid),
+        }
+    }
+}
+
 /// The structures as voxels, under the names and roles that they get.
 fn drawn<'a>(
     rois: &'a [Roi],
-    grid: &Grid,
+    onto: Onto<'_>,
     request: &Request<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Taken<'a>, ImportError> {
@@ -237,7 +262,7 @@ fn drawn<'a>(
     let mut taken = Taken { structures: Vec::new(), materials: Vec::new(), written: Vec::new() };
     let mut refused = Vec::new();
     for ((roi, own), (name, role)) in rois.iter().zip(&unique).zip(named) {
-        let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
+        let Rastered { mask, drawn } = onto.rasterise(&roi.contours);
         match cut(own, role, &drawn, request.allowed_cut_cm3) {
             Cut::Whole => {}
             Cut::Note(text) => notes.push(text),
@@ -267,6 +292,7 @@ fn structure_set(
     found: Vec<(PathBuf, InMemDicomObject)>,
     series: &Uid,
     frame: &Uid,
+    tilt: f64,
 ) -> Result<Rois, ImportError> {
     let mut fitting = Vec::new();
     let mut strangers = Vec::new();
@@ -284,7 +310,9 @@ fn structure_set(
         return Err(ImportError::SeveralStructures { folder: folder.to_owned(), files });
     }
     match (fitting.pop(), strangers.pop()) {
-        (Some((path, object)), _) => Rois::read(&object, frame).map_err(|source| read_error(&path, source)),
+        (Some((path, object)), _) => {
+            Rois::read(&object, frame, tilt).map_err(|source| read_error(&path, source))
+        }
         (None, Some(path)) => Err(ImportError::OtherImages { path, series: series.clone() }),
         (None, None) => Err(ImportError::NoStructures(folder.to_owned())),
     }

@@ -1,6 +1,6 @@
 //! DICOM in and out: CT and RTSTRUCT to cases, RTPLAN, RTDOSE and RTSTRUCT of plans.
 //!
-//! Read: single-frame axial CT, little endian, uncompressed, RLE or JPEG lossless, of patients head or feet first, supine
+//! Read: single-frame axial CT, little endian, uncompressed or compressed without loss, of patients head or feet first, supine
 //! or prone; structure sets of closed planar contours. What differs is refused with the file and the tag. No patient's
 //! name, ID or birth date enters a case; UIDs do.
 //!
@@ -11,6 +11,7 @@
 //! - `pixels`: the stored words of an image, uncompressed or compressed without loss
 //! - `slice`: one CT image
 //! - `series`: CT images to a volume
+//! - `stack`: images that are unevenly spaced or tilted, resampled across the patient
 //! - `roi`: the contours of a structure set
 //! - `names`: names of regions as names of structures
 //! - `property`: density overrides, boluses and couches
@@ -46,6 +47,7 @@ mod repertoire;
 mod roi;
 mod series;
 mod slice;
+mod stack;
 mod structures;
 mod write;
 
@@ -60,5 +62,6 @@ pub use raster::{Beyond, Contour, ContourKind, Drawn, Rastered, rasterise};
 pub use roi::{Roi, Rois};
 pub use series::{SeriesError, Volume, volume};
 pub use slice::{Reading, Slice};
+pub use stack::Stack;
 pub use structures::structure_file;
 pub use write::{Export, ExportError, Exported, uids_of};

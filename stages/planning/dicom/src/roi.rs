@@ -44,15 +44,20 @@ pub struct Rois {
 }
 
 impl Rois {
-    /// The regions of this structure set, in this frame of reference.
-    pub fn read(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<Self, TagError> {
+    /// The regions of this structure set, in this frame of reference. `tilt` is that of the images that they were drawn
+    /// on, mm along z for each mm along y: planes of contours are where they cross `y = 0`.
+    pub fn read(object: &InMemDicomObject, frame_of_reference: &Uid, tilt: f64) -> Result<Self, TagError> {
         let uid = uid(object, tags::SOP_INSTANCE_UID)?;
-        let (rois, left_out) = regions(object, frame_of_reference)?;
+        let (rois, left_out) = regions(object, frame_of_reference, tilt)?;
         Ok(Self { uid, rois, left_out })
     }
 }
 
-fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<(Vec<Roi>, Vec<String>), TagError> {
+fn regions(
+    object: &InMemDicomObject,
+    frame_of_reference: &Uid,
+    tilt: f64,
+) -> Result<(Vec<Roi>, Vec<String>), TagError> {
     let described = items(object, tags::STRUCTURE_SET_ROI_SEQUENCE);
     if described.is_empty() {
         return Err(TagError::Missing(tags::STRUCTURE_SET_ROI_SEQUENCE));
@@ -102,7 +107,7 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<(Vec<R
                 region: roi.name.clone(),
                 source: Box::new(source),
             };
-            match contour(item).map_err(of_region)? {
+            match contour(item, tilt).map_err(of_region)? {
                 Drawing::Closed(contour) => roi.contours.push(contour),
                 Drawing::Line => roi.lines += 1,
                 Drawing::Empty => empty += 1,
@@ -220,7 +225,7 @@ enum Drawing {
     Empty,
 }
 
-fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
+fn contour(item: &InMemDicomObject, tilt: f64) -> Result<Drawing, TagError> {
     let kind = text(item, tags::CONTOUR_GEOMETRIC_TYPE)?;
     let kind = match kind.as_str() {
         "CLOSED_PLANAR" => ContourKind::Closed,
@@ -252,9 +257,14 @@ fn contour(item: &InMemDicomObject) -> Result<Drawing, TagError> {
         );
     }
     let points = values.chunks_exact(3);
-    let z_mm = values.get(2).copied().unwrap_or_default();
-    if points.clone().any(|p| (p[2] - z_mm).abs() > FLAT_MM) {
-        return wrong(tags::CONTOUR_DATA, "oblique", "each contour must be in one plane across the patient");
+    let mut planes_mm = points.clone().map(|p| p[2] - tilt * p[1]);
+    let z_mm = planes_mm.next().unwrap_or_default();
+    if planes_mm.any(|plane| (plane - z_mm).abs() > FLAT_MM) {
+        return wrong(
+            tags::CONTOUR_DATA,
+            "oblique",
+            "each contour must be in one plane, parallel to the images",
+        );
     }
     if values.iter().any(|v| v.abs() > 1e5) {
         return wrong(tags::CONTOUR_DATA, "more than 100 m away", "positions are in mm");

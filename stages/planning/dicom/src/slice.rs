@@ -11,8 +11,10 @@ use crate::pixels::words;
 
 /// How far the rows and columns may be turned from the patient's axes, as a cosine: under 0.01 degrees.
 const OBLIQUE: f64 = 1e-4;
+/// Images tilted beyond this, as the cosine of their angle, are not those of a gantry: 45 degrees.
+const STEEPEST: f64 = 0.707;
 /// Padding outside the scanner's circle holds no measurement; it is air.
-const AIR_HU: i16 = -1000;
+pub(crate) const AIR_HU: i16 = -1000;
 /// The part of an image that metal may saturate.
 const CLIPPED: f64 = 0.01;
 
@@ -21,8 +23,10 @@ const CLIPPED: f64 = 0.01;
 pub struct Slice {
     /// Columns and rows.
     pub counts: [usize; 2],
-    /// Distance of columns and of rows, mm.
+    /// Distance of columns along x and of rows along y, mm.
     pub spacing_mm: [f64; 2],
+    /// How far the image rises along z for each mm along y: 0, but for a tilted gantry.
+    pub tilt: f64,
     /// Centre of the first voxel, mm: the one farthest to the right and to the front of the patient.
     pub position_mm: [f64; 3],
     /// Values, x fastest.
@@ -48,6 +52,8 @@ pub struct Reading {
     pub position: Option<PatientPosition>,
     /// Whether values are taken that are no Hounsfield units of a patient.
     pub scale: Scale,
+    /// Whether images of a tilted gantry are taken, which must be resampled.
+    pub resample: bool,
 }
 
 impl Slice {
@@ -68,7 +74,7 @@ impl Slice {
         }
         let position = position(object, reading.position)?;
         let unit = unit(object, reading.scale)?;
-        let [against_x, against_y] = reversed(object)?;
+        let Axes { against: [against_x, against_y], column } = axes(object, reading.resample)?;
         let mut position_mm: [f64; 3] = exactly(object, tags::IMAGE_POSITION_PATIENT)?;
         let [row_mm, column_mm] = exactly(object, tags::PIXEL_SPACING)?;
         if !(row_mm > 0.0 && column_mm > 0.0) {
@@ -89,11 +95,14 @@ impl Slice {
         }
         if against_y {
             hu = hu.chunks_exact(columns).rev().flatten().copied().collect();
-            position_mm[1] -= (rows - 1) as f64 * row_mm;
+            for (axis, along) in [1, 2].into_iter().zip(column) {
+                position_mm[axis] -= (rows - 1) as f64 * row_mm * along;
+            }
         }
         Ok(Self {
             counts: [columns, rows],
-            spacing_mm: [column_mm, row_mm],
+            spacing_mm: [column_mm, row_mm * column[0]],
+            tilt: column[1] / column[0],
             position_mm,
             hu,
             clipped,
@@ -103,6 +112,13 @@ impl Slice {
             series: uid(object, tags::SERIES_INSTANCE_UID)?,
             frame_of_reference: uid(object, tags::FRAME_OF_REFERENCE_UID)?,
         })
+    }
+}
+
+impl Slice {
+    /// Where the image crosses `y = 0` along the patient, mm: its z, but for a tilted gantry.
+    pub fn plane_mm(&self) -> f64 {
+        self.position_mm[2] - self.tilt * self.position_mm[1]
     }
 }
 
@@ -162,24 +178,43 @@ fn unit(object: &InMemDicomObject, scale: Scale) -> Result<Option<String>, TagEr
     }
 }
 
-/// Whether rows and columns run against x and y. Refuses images that are not across the patient.
-fn reversed(object: &InMemDicomObject) -> Result<[bool; 2], TagError> {
+/// How the rows and columns of an image run.
+struct Axes {
+    /// Whether they run against x and y.
+    against: [bool; 2],
+    /// The unit vector down the columns in y and z, where they run along y.
+    column: [f64; 2],
+}
+
+/// How rows and columns run. Refuses images that are not across the patient, but for those of a tilted gantry if they are
+/// taken.
+fn axes(object: &InMemDicomObject, tilted: bool) -> Result<Axes, TagError> {
     let found: [f64; 6] = exactly(object, tags::IMAGE_ORIENTATION_PATIENT)?;
     let is = |expected: [f64; 6]| {
         found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= OBLIQUE)
     };
     for (row, column) in [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)] {
         if is([row, 0.0, 0.0, 0.0, column, 0.0]) {
-            return Ok([row < 0.0, column < 0.0]);
+            return Ok(Axes { against: [row < 0.0, column < 0.0], column: [1.0, 0.0] });
         }
     }
     let [a, b] = [[found[0], found[1], found[2]], [found[3], found[4], found[5]]];
+    let is_unit = (b[1].hypot(b[2]) - 1.0).abs() <= OBLIQUE;
+    let is_tilted =
+        (a[0].abs() - 1.0).abs() <= OBLIQUE && b[0].abs() <= OBLIQUE && is_unit && b[1].abs() > STEEPEST;
+    if is_tilted && tilted {
+        let sign = b[1].signum();
+        return Ok(Axes { against: [a[0] < 0.0, sign < 0.0], column: [sign * b[1], sign * b[2]] });
+    }
     let normal = [0, 1, 2].map(|i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         a[j] * b[k] - a[k] * b[j]
     });
     let along = |axis: usize| normal[axis].abs() > 1.0 - OBLIQUE;
     let why = match [along(0), along(1), along(2)] {
+        _ if is_tilted => {
+            "the images are oblique, of a tilted gantry: have them resampled across the patient by `--resample`"
+        }
         [true, ..] => "the image is sagittal: axial images are read; give the axial series",
         [_, true, _] => "the image is coronal: axial images are read; give the axial series",
         [.., true] => {

@@ -124,7 +124,7 @@ proptest! {
         prop_assert_eq!(slice.hu.len(), slice.counts[0] * slice.counts[1]);
         prop_assert!(slice.position_mm.iter().all(|c| c.is_finite()));
         let whole = Slice::read(&DataSet::read(&file(&ct(2))).unwrap()).unwrap();
-        if let Ok(volume) = volume(vec![(PathBuf::from("a"), slice), (PathBuf::from("b"), whole)]) {
+        if let Ok(volume) = volume(vec![(PathBuf::from("a"), slice), (PathBuf::from("b"), whole)], true) {
             prop_assert_eq!(volume.hu.len(), volume.grid.len());
         }
     }
@@ -146,7 +146,7 @@ proptest! {
     fn broken_structure_sets_are_refused_or_drawn(which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4)) {
         let grid = stillpoint_patient::Grid { counts: [12, 9, 5], spacing_mm: [2.0, 3.0, 2.5], origin_mm: [-10.0, -12.0, 100.0] };
         let Ok(data) = DataSet::read(&harmed(SETS[which].clone(), &harms)) else { return Ok(()) };
-        let Ok(set) = Rois::read(&data.object, &Uid::parse(FRAME).unwrap()) else { return Ok(()) };
+        let Ok(set) = Rois::read(&data.object, &Uid::parse(FRAME).unwrap(), 0.0) else { return Ok(()) };
         for roi in set.rois {
             prop_assert!(rasterise(&grid, &roi.contours).mask.count() <= grid.len());
         }

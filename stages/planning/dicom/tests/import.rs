@@ -24,6 +24,7 @@ pub fn request(names: &NameTable) -> Request<'_> {
         allowed_cut_cm3: 0.0,
         position: None,
         scale: Scale::OfPatients,
+        resample: false,
     }
 }
 

@@ -9,4 +9,5 @@ mod import;
 mod planning_data;
 mod raster;
 mod reading;
+mod resample;
 mod volumes;

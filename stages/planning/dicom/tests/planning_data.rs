@@ -47,7 +47,7 @@ fn the_samples_of_vendors_are_read_for_what_they_are() {
     let bytes = std::fs::read(root.join("dicom_rt_samples/rtstruct.dcm")).unwrap();
     let object = DataSet::read(&bytes).unwrap().object;
     let frame = Uid::parse("1.2.826.0.1.3680043.8.498.2010020400001.2").unwrap();
-    let rois = Rois::read(&object, &frame).unwrap().rois;
+    let rois = Rois::read(&object, &frame, 0.0).unwrap().rois;
     let texts: Vec<_> = rois.iter().map(|r| (r.name.as_str(), r.role.unwrap(), r.contours.len())).collect();
     let iso = |name| (name, Role::Other, 0);
     assert_eq!(texts, [("patient", Role::External, 3), iso("Isocenter 1"), iso("Isocenter 2")]);

@@ -47,6 +47,10 @@ pub struct Import {
     /// Take values that are not Hounsfield units of a patient: a phantom of other materials, or images in other units.
     #[arg(long)]
     any_hounsfield: bool,
+    /// DICOM: resample images that are unevenly spaced or of a tilted gantry to even slices across the patient. It changes
+    /// values between images, and says so.
+    #[arg(long)]
+    resample: bool,
     /// Refuse what would be left out: empty contours, regions of another frame of reference, files and keys that cannot be
     /// read.
     #[arg(long)]
@@ -116,6 +120,7 @@ impl Import {
             ("--isocentre", self.isocentre.is_some()),
             ("--allow-cut", self.allow_cut.is_some()),
             ("--position", self.position.is_some()),
+            ("--resample", self.resample),
         ];
         match given.iter().find(|(_, given)| *given) {
             Some((option, _)) => {
@@ -165,6 +170,7 @@ impl Import {
             allowed_cut_cm3,
             position,
             scale,
+            resample: self.resample,
         })
     }
 }
@@ -179,10 +185,10 @@ fn prescription(text: &str) -> Result<Prescription, Failure> {
 
 /// The JSON of NRRD volumes, if the path names one.
 fn described(from: &Path) -> Result<Option<PathBuf>, Failure> {
-    if !from.is_dir() {
+    let fault = |e| Failure::failed(format!("{}: {e}", from.display()));
+    if !std::fs::metadata(from).map_err(fault)?.is_dir() {
         return Ok(Some(from.to_owned()));
     }
-    let fault = |e| Failure::failed(format!("{}: {e}", from.display()));
     let mut found = Vec::new();
     for entry in std::fs::read_dir(from).map_err(fault)? {
         let path = entry.map_err(fault)?.path();
