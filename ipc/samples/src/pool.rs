@@ -59,6 +59,8 @@ pub enum PoolWord {
     Holds = 12,
     /// Another worker gave something else as this content.
     Wrong = 13,
+    /// So many calls have no answer yet.
+    Demand = 14,
     /// This run has no network: nobody will answer. The sample has no elements.
     NoNetwork = 255,
 }

@@ -51,13 +51,22 @@ pub struct Pool {
     /// Seconds for which it listens.
     #[arg(long, default_value_t = 2.0)]
     pub seconds: f64,
+    /// Print how many workers would be useful now: calls without an answer, for the slots of a worker.
+    #[arg(long)]
+    pub wanted: bool,
+    /// Slots of the workers that would be started. Default: those of the smallest worker that is there, else 1.
+    #[arg(long, requires = "wanted")]
+    pub slots: Option<NonZeroUsize>,
+    /// Print it as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Compute calls for those who plan. A worker holds nothing that matters: it may be ended at any time.
 #[derive(Args, Debug)]
 pub struct Worker {
     /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`.
-    #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen")]
+    #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen", env = "STILLPOINT_POOL")]
     pub connect: Option<String>,
     /// Endpoint at which this worker is a router, too; it uses this port and the next one. Its certificate must be
     /// that of a router.
@@ -69,11 +78,15 @@ pub struct Worker {
     /// Name of the worker behind `worker-`; the default is made of its process number and the time.
     #[arg(long)]
     pub name: Option<String>,
+    /// Seconds for which the calls that it computes are finished after the first SIGTERM or SIGINT. Those that wait go
+    /// back to those who asked. A second signal ends it at once.
+    #[arg(long, value_name = "SECONDS", default_value_t = 25.0)]
+    pub grace: f64,
     /// Calls that are computed at the same time. Default: as many as there are cores.
     #[arg(long)]
     pub slots: Option<NonZeroUsize>,
     /// Folder in which arguments and answers are kept. Each worker needs one of its own.
-    #[arg(long, value_name = "DIR", default_value = "pool-cache")]
+    #[arg(long, value_name = "DIR", default_value = "pool-cache", env = "STILLPOINT_POOL_CACHE")]
     pub cache: PathBuf,
     /// The most megabytes of that folder.
     #[arg(long, value_name = "MB", default_value_t = 8000)]

@@ -48,6 +48,9 @@ pub enum BridgeError {
         /// Where.
         endpoint: String,
     },
+    /// The time of grace is wrong.
+    #[error("invalid time of grace: {0} s (allowed: 0 to 86400)")]
+    Grace(f64),
     /// A worker without a router.
     #[error("give --connect or --listen")]
     NoEndpoint,

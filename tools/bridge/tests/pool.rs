@@ -110,6 +110,46 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
 }
 
 #[test]
+fn the_pool_says_how_many_workers_are_wanted_and_one_that_is_asked_to_end_does_so_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = format!("tcp/127.0.0.1:{}", two_ports());
+    let _router = Ends(program(&["router", "--listen", &endpoint]).stdout(Stdio::null()).spawn().unwrap());
+    let spare = folder.path().join("spare");
+    let to = endpoint.clone();
+    // Nobody computes yet.
+    let asking = std::thread::spawn(move || {
+        let courier = ChildCourier::start(program(&["plan-client", "--connect", &to])).unwrap();
+        let settings = ClientSettings { tells_demand: true, ..ClientSettings::new(Build::here().unwrap()) };
+        let mut pool = Pool::new(courier, settings);
+        let spare = DoseCache::in_folder(&spare).unwrap();
+        let engines = [Water::new().engine];
+        PoolDoses::default().fill(&mut pool, &spare, &engines, &angles()[..6], || ()).unwrap();
+        pool.tally()
+    });
+    let wanted = |slots: &str| {
+        let list = ["pool", &endpoint, "--wanted", "--json", "--slots", slots, "--seconds", "1"];
+        let listed = program(&list).output().unwrap();
+        assert!(listed.status.success(), "{listed:?}");
+        serde_json::from_slice::<serde_json::Value>(&listed.stdout).unwrap()
+    };
+    let first = (0..60).map(|_| wanted("4")).find(|found| found["clients"] == 1).unwrap();
+    assert_eq!((&first["calls"], &first["wanted"], &first["workers"]), (&6.into(), &2.into(), &0.into()));
+
+    let cache = folder.path().join("cache");
+    let mut command = program(&["worker", "--slots", "1"]);
+    command.env("STILLPOINT_POOL", &endpoint).env("STILLPOINT_POOL_CACHE", &cache);
+    let mut worker = Ends(command.stdout(Stdio::piped()).spawn().unwrap());
+    let tally = asking.join().unwrap();
+    assert_eq!(tally.remote, 6);
+    assert!(cache.is_dir());
+    let is_sent = Command::new("kill").args(["-TERM", &worker.0.id().to_string()]).status().unwrap();
+    assert!(is_sent.success());
+    let mut said = String::new();
+    std::io::Read::read_to_string(worker.0.stdout.as_mut().unwrap(), &mut said).unwrap();
+    assert!(worker.0.wait().unwrap().success() && said.contains("ending: "), "{said}");
+}
+
+#[test]
 fn a_program_whose_certificate_has_another_role_says_so_and_ends() {
     let folder = tempfile::tempdir().unwrap();
     Authority::create(&folder.path().join("pki"), 2).unwrap();

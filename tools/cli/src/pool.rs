@@ -51,6 +51,7 @@ impl PoolArgs {
             .map_err(|e| Failure::failed(format!("stillpoint-bridge cannot be started: {e}")))?;
         let mut settings = ClientSettings::new(Build::here().map_err(Failure::failed)?);
         settings.patience = (patience_s * 1e9) as u64;
+        settings.tells_demand = true;
         Ok(Some(Pool::new(courier, settings)))
     }
 

@@ -18,8 +18,8 @@ const LONGEST_NAME: usize = 64;
 /// The most contents of a message.
 pub const MOST_HELD: usize = 1024;
 
-/// The most of the slots of a worker, and of its calls.
-const MOST_CALLS: u32 = 65_536;
+/// The most of the slots of a worker, of its calls, and of the calls that one client asks.
+pub const MOST_CALLS: u32 = 65_536;
 
 /// A message with a call is the longest one.
 const FORMAT: Format = Format { what: "a message", mark: b"SPM3", most: call::MOST_BYTES + 1024 };
@@ -120,6 +120,11 @@ pub enum Message {
         /// Name of the worker.
         peer: String,
     },
+    /// So many calls of one who asks have no answer yet.
+    Demand {
+        /// Their number.
+        calls: u32,
+    },
 }
 
 /// What a worker tells of itself, several times a second.
@@ -168,6 +173,7 @@ impl Message {
             Self::Elsewhere { content, .. } => (PoolWord::Elsewhere, Some(*content)),
             Self::Holds { contents } => (PoolWord::Holds, contents.first().copied()),
             Self::Wrong { content, .. } => (PoolWord::Wrong, Some(*content)),
+            Self::Demand { .. } => (PoolWord::Demand, None),
         }
     }
 
@@ -191,6 +197,7 @@ impl Message {
                 at_most(peer.len(), LONGEST_NAME, "the length of a name")?;
             }
             Self::Holds { contents } => at_most(contents.len(), MOST_HELD, "the number of contents")?,
+            Self::Demand { calls } => at_most(*calls as usize, MOST_CALLS as usize, "the number of calls")?,
             Self::Working { .. }
             | Self::Busy { .. }
             | Self::Done { .. }

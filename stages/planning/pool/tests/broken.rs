@@ -47,6 +47,7 @@ fn messages() -> Vec<Vec<u8>> {
         Message::Elsewhere { content: key, peer: "w1".into() },
         Message::Holds { contents: vec![key, Hash::of(b"goals")] },
         Message::Wrong { content: key, peer: "w1".into() },
+        Message::Demand { calls: 17 },
     ];
     all.iter().map(Message::to_bytes).collect()
 }
@@ -199,7 +200,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..15_u8) {
+    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..16_u8) {
         let mut bytes = bytes;
         let _ = Message::from_bytes(&bytes);
         let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL02", b"SPGOAL03", b"SPPLAN02", b"SPPRIC02"];

@@ -128,6 +128,25 @@ fn lost_late_and_doubled_messages_change_nothing() {
 }
 
 #[test]
+fn a_worker_that_drains_finishes_its_calls_and_none_is_computed_twice() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let draining = Part { drains_after: 3, ..Part::default() };
+    let parts = [draining.clone(), Part::default(), draining, Part::default()];
+    let mut pool = pool(7, CALM, &parts);
+    assert!(pooled(&water, &mut pool) == expected);
+    let jobs = pool.courier().jobs();
+    let tally = pool.tally();
+    assert_eq!((jobs[0], jobs[2]), (3, 3));
+    assert_eq!((tally.local, tally.hedged), (0, 0));
+    // One job for each call, and another one for each that was compared.
+    let computed = pool.courier().computed.clone();
+    let calls: std::collections::BTreeSet<_> = computed.iter().collect();
+    // A comparison has two answers.
+    assert_eq!(2 * (computed.len() - calls.len()) as u64, tally.compared);
+}
+
+#[test]
 fn a_worker_that_is_killed_twenty_times_changes_nothing() {
     let water = Water::new();
     let expected = alone(&water);

@@ -32,6 +32,8 @@ pub struct Part {
     pub job: u64,
     /// It is killed after so many jobs of a life, and begins a new one after a while; 0: never.
     pub dies_after: usize,
+    /// It drains after so many jobs, and ends; 0: never.
+    pub drains_after: usize,
     /// Its answers are wrong from this one on.
     pub wrong_from: usize,
     pub build: Build,
@@ -49,6 +51,7 @@ impl Default for Part {
         Self {
             job: 40 * MS,
             dies_after: 0,
+            drains_after: 0,
             wrong_from: usize::MAX,
             build: build(),
             cache: 1 << 30,
@@ -84,6 +87,8 @@ pub struct Simulated {
     posted: BTreeMap<(u64, u64), Posted>,
     actors: Vec<Actor>,
     pub deaths: usize,
+    /// Calls that were computed, as often as they were.
+    pub computed: Vec<Hash>,
     pub bytes: u64,
     /// Parts of contents that workers gave to each other.
     pub given: usize,
@@ -112,6 +117,7 @@ impl Simulated {
             posted: BTreeMap::new(),
             actors,
             deaths: 0,
+            computed: Vec::new(),
             bytes: 0,
             given: 0,
         }
@@ -179,6 +185,7 @@ impl Simulated {
         while let Some(at) = actor.running.iter().position(|(at, ..)| *at <= now) {
             let (_, key, result) = actor.running.remove(at);
             actor.jobs += 1;
+            self.computed.push(key);
             actor.jobs_of_life += 1;
             killed = actor.part.dies_after > 0 && actor.jobs_of_life >= actor.part.dies_after;
             if killed {
@@ -194,6 +201,13 @@ impl Simulated {
             actor.reborn = now + 700 * MS;
             self.deaths += 1;
             return;
+        }
+        if actor.part.drains_after > 0 && actor.jobs >= actor.part.drains_after {
+            worker.drain();
+            if worker.is_drained(now) {
+                (actor.worker, actor.reborn) = (None, u64::MAX);
+                return;
+            }
         }
         while let Some(job) = worker.next_job() {
             let mut result = job.ready.compute();

@@ -27,9 +27,24 @@ impl Ending {
         Ok(Self(flag))
     }
 
+    /// Without signals: by [`Ending::now`] alone.
+    pub fn unsignalled() -> Self {
+        Self(Arc::new(AtomicBool::new(false)))
+    }
+
+    /// Ends it.
+    pub fn now(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// Whether it has been.
     pub fn is_time(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    /// Whether it has been since this was called last.
+    pub fn take(&self) -> bool {
+        self.0.swap(false, Ordering::Relaxed)
     }
 }
 

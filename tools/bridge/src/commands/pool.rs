@@ -1,9 +1,10 @@
-//! `pool`: lists workers.
+//! `pool`: lists workers, or says how many would be useful.
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use serde_json::json;
 use stillpoint_arguments::Pool;
 use stillpoint_pool::{Build, Hello, Message};
 use stillpoint_remote::Mailbox;
@@ -15,6 +16,15 @@ use crate::error::BridgeError;
 struct Received {
     first: (Instant, u64),
     last: (Instant, Hello),
+}
+
+impl Received {
+    /// Calls answered a second between the first greeting and the last.
+    fn rate(&self) -> f64 {
+        let seconds = self.last.0.duration_since(self.first.0).as_secs_f64();
+        let new = self.last.1.answered.saturating_sub(self.first.1) as f64;
+        if seconds > 0.0 { new / seconds } else { 0.0 }
+    }
 }
 
 /// Executes the subcommand.
@@ -33,6 +43,7 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
     let mailbox = Mailbox::open(PREFIX, &name, &arguments.connect, tls)?;
     let until = Instant::now() + Duration::from_secs_f64(arguments.seconds);
     let mut workers: BTreeMap<String, Received> = BTreeMap::new();
+    let mut demands: BTreeMap<String, u32> = BTreeMap::new();
     loop {
         let rest = until.saturating_duration_since(Instant::now());
         if rest.is_zero() {
@@ -40,18 +51,40 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
         }
         let arrival: Option<(String, Vec<u8>)> = mailbox.receive(rest);
         let Some((from, bytes)) = arrival else { continue };
-        let Ok(Message::Hello(hello)) = Message::from_bytes(&bytes) else { continue };
+        let hello = match Message::from_bytes(&bytes) {
+            Ok(Message::Hello(hello)) => hello,
+            Ok(Message::Demand { calls }) => {
+                demands.insert(from, calls);
+                continue;
+            }
+            _ => continue,
+        };
         let now = Instant::now();
         let first = Received { first: (now, hello.answered), last: (now, hello.clone()) };
         workers.entry(from).or_insert(first).last = (now, hello);
+    }
+    if arguments.wanted {
+        return Ok(print_wanted(arguments, &workers, &demands));
     }
     if workers.is_empty() {
         let (seconds, endpoint) = (arguments.seconds, arguments.connect.clone());
         return Err(BridgeError::NoWorker { seconds, endpoint });
     }
-    for (name, Received { first, last: (at, hello) }) in &workers {
-        let seconds = at.duration_since(first.0).as_secs_f64();
-        let new = hello.answered.saturating_sub(first.1) as f64;
+    if arguments.json {
+        let of = |(name, worker): (&String, &Received)| {
+            let hello = &worker.last.1;
+            json!({
+                "name": name, "slots": hello.slots, "running": hello.running, "waiting": hello.waiting,
+                "answered": hello.answered, "from_cache": hello.known, "calls_per_s": worker.rate(),
+                "cache_bytes": hello.cache, "cache_most_bytes": hello.cache_most,
+                "build": hello.build, "build_is_as_here": hello.build == build.text(),
+            })
+        };
+        println!("{}", json!({ "workers": workers.iter().map(of).collect::<Vec<_>>() }));
+        return Ok(());
+    }
+    for (name, worker) in &workers {
+        let hello = &worker.last.1;
         println!(
             "{name}: {} of {} slots in use, {} waiting, {} answered ({} from the cache), {:.1} calls/s, cache {} of {} MB",
             hello.running,
@@ -59,7 +92,7 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
             hello.waiting,
             hello.answered,
             hello.known,
-            if seconds > 0.0 { new / seconds } else { 0.0 },
+            worker.rate(),
             hello.cache / 1_000_000,
             hello.cache_most / 1_000_000
         );
@@ -69,4 +102,27 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
         }
     }
     Ok(())
+}
+
+/// How many workers would be useful: so many that each call without an answer has a slot.
+fn print_wanted(arguments: &Pool, workers: &BTreeMap<String, Received>, demands: &BTreeMap<String, u32>) {
+    let calls: u64 = demands.values().map(|&calls| u64::from(calls)).sum();
+    let there = workers.values().map(|worker| u64::from(worker.last.1.slots));
+    let slots = arguments.slots.map_or_else(
+        || there.clone().filter(|&slots| slots > 0).min().unwrap_or(1),
+        |slots| slots.get() as u64,
+    );
+    let wanted = calls.div_ceil(slots);
+    if arguments.json {
+        let object = json!({
+            "wanted": wanted, "slots_of_a_worker": slots, "calls": calls, "clients": demands.len(),
+            "workers": workers.len(), "slots": there.sum::<u64>(),
+        });
+        return println!("{object}");
+    }
+    println!(
+        "{wanted} workers of {slots} slots would be useful: {calls} calls of {} clients have no answer; {} workers are there",
+        demands.len(),
+        workers.len()
+    );
 }

@@ -27,6 +27,9 @@ pub fn execute(arguments: &Worker) -> ExitCode {
 }
 
 fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
+    if !(0.0..=86_400.0).contains(&arguments.grace) {
+        return Err(BridgeError::Grace(arguments.grace));
+    }
     let ending = Ending::watch()?;
     let born = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let name = arguments.name.clone().unwrap_or_else(|| format!("{}-{born:x}", std::process::id()));
@@ -49,15 +52,19 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
         (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
         (None, None) => return Err(BridgeError::NoEndpoint),
     };
+    // The router of this process goes on until the calls are finished.
+    let end_of_hub = Ending::unsignalled();
     let hub = hub.map(|hub| {
-        let ending = ending.clone();
+        let ending = end_of_hub.clone();
         std::thread::spawn(move || hub.run(&ending))
     });
     let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
     println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
     let most_open = arguments.memory_mb.saturating_mul(1_000_000);
     let settings = WorkerSettings { build, incarnation: born, slots, most_open };
-    serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, arguments.wrong_from);
+    let worker = Serving { slots, grace: Duration::from_secs_f64(arguments.grace), wrong_from: arguments.wrong_from };
+    serve(State::new(settings, store), Arc::new(mailbox), &worker, &ending);
+    end_of_hub.now();
     if let Some(hub) = hub {
         let _ = hub.join();
     }
@@ -69,7 +76,16 @@ enum Happened {
     Result(Hash, Result<Vec<u8>, CallError>),
 }
 
-fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending, wrong_from: Option<u64>) {
+/// How a worker serves.
+struct Serving {
+    slots: usize,
+    /// For how long calls are finished after the signal to end.
+    grace: Duration,
+    wrong_from: Option<u64>,
+}
+
+fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &Ending) {
+    let &Serving { slots, grace, wrong_from } = serving;
     let (happens, happened) = channel();
     let (jobs, queue) = channel();
     let queue = Arc::new(Mutex::new(queue));
@@ -89,7 +105,24 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending,
     });
     let begun = Instant::now();
     let mut given = 0;
-    while !ending.is_time() {
+    let mut drains_since = None;
+    loop {
+        let now = begun.elapsed();
+        match drains_since {
+            Some(_) if ending.take() => return,
+            Some(since) if now.saturating_sub(since) >= grace => {
+                eprintln!("stillpoint-bridge: {:.1} s of grace are over: calls that are not finished are lost", grace.as_secs_f64());
+                return;
+            }
+            Some(_) if state.is_drained(now.as_nanos() as u64) => return,
+            None if ending.take() => {
+                drains_since = Some(now);
+                state.drain();
+                let running = state.hello().running;
+                println!("ending: {running} calls are finished first, others go back; a second signal ends at once");
+            }
+            _ => {}
+        }
         let first = happened.recv_timeout(TICK).ok();
         for one in first.into_iter().chain(happened.try_iter()) {
             match one {

@@ -5,11 +5,13 @@ use std::collections::{BTreeSet, VecDeque};
 use super::open::{Asked, Open};
 use super::{Client, Event};
 use crate::call::Kind;
-use crate::message::Message;
+use crate::message::{MOST_CALLS, Message};
 use crate::{Hash, To, WorkerState};
 
 /// Time after which a call that was not answered is sent again to the same worker, ns. The worker computes it once.
 const RETRY: u64 = 1_000_000_000;
+/// Time between two messages with the number of calls that have no answer, ns.
+const DEMAND: u64 = 500_000_000;
 /// Calls that a worker is given beyond its slots: it fetches what they need while it computes others.
 const AHEAD: usize = 1;
 
@@ -33,6 +35,11 @@ impl Client {
         let mut is_busy = self.calls.values().any(|open| open.inside);
         for key in self.order.clone() {
             self.go_on(now, &key, (&members, is_without_workers), &mut proving, &mut is_busy);
+        }
+        if self.settings.tells_demand && now >= self.next_demand {
+            self.next_demand = now + DEMAND;
+            let calls = self.calls.len().min(MOST_CALLS as usize) as u32;
+            self.out.push((To::All, Message::Demand { calls }));
         }
     }
 

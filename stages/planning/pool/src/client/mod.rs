@@ -38,6 +38,8 @@ pub struct ClientSettings {
     pub checked: f64,
     /// Bytes of answers that are kept for a search that is run again.
     pub most_retained: usize,
+    /// Whether everybody is sent the number of calls without an answer: `pool --wanted` counts them.
+    pub tells_demand: bool,
 }
 
 impl ClientSettings {
@@ -49,6 +51,7 @@ impl ClientSettings {
             late: 2_000_000_000,
             checked: 1.0 / 32.0,
             most_retained: 512 << 20,
+            tells_demand: false,
         }
     }
 }
@@ -111,6 +114,8 @@ pub struct Client {
     progress: u64,
     /// When a worker last answered a call.
     answered: u64,
+    /// When the number of calls without an answer is sent next.
+    next_demand: u64,
 }
 
 impl Client {
@@ -134,6 +139,7 @@ impl Client {
             attended: now,
             progress: now,
             answered: now,
+            next_demand: now,
         }
     }
 
@@ -278,7 +284,8 @@ impl Client {
             | Message::Cancel { .. }
             | Message::Elsewhere { .. }
             | Message::Holds { .. }
-            | Message::Wrong { .. } => {}
+            | Message::Wrong { .. }
+            | Message::Demand { .. } => {}
         }
     }
 }

@@ -19,6 +19,8 @@ pub const HELLO: u64 = 200_000_000;
 const MOST_WAITING: usize = 256;
 /// Askers of one call at most.
 const MOST_ASKERS: usize = 16;
+/// How long a worker that drains stays after it last gave something, ns: a part that was lost is asked for again.
+const LINGER: u64 = 1_500_000_000;
 /// Answers that are remembered by their call.
 const MOST_ANSWERS: usize = 65_536;
 
@@ -48,6 +50,11 @@ pub struct Worker {
     out: Vec<(To, Message)>,
     counts: Counts,
     next_hello: u64,
+    draining: bool,
+    /// When it last gave an answer or a part of a content, ns.
+    gave: Option<u64>,
+    /// It gave an answer since time last passed.
+    gives: bool,
 }
 
 #[derive(Default)]
@@ -85,7 +92,27 @@ impl Worker {
             out: Vec::new(),
             counts: Counts::default(),
             next_hello: 0,
+            draining: false,
+            gave: None,
+            gives: false,
         }
+    }
+
+    /// Takes no more calls: those that wait go back to those who asked, who ask others; those that run are finished.
+    pub fn drain(&mut self) {
+        if std::mem::replace(&mut self.draining, true) {
+            return;
+        }
+        for Waiting { key, askers, .. } in std::mem::take(&mut self.waiting) {
+            self.report(&askers, Message::Busy { key });
+        }
+        self.next_hello = 0;
+    }
+
+    /// Whether a worker that drains has finished its calls, and nobody has fetched an answer for a while.
+    pub fn is_drained(&self, now: u64) -> bool {
+        let is_quiet = self.gave.is_none_or(|gave| now.saturating_sub(gave) >= LINGER);
+        self.draining && self.running.is_empty() && self.out.is_empty() && !self.gives && is_quiet
     }
 
     /// Takes a message. Bytes that are no message are ignored.
@@ -94,7 +121,10 @@ impl Worker {
         match message {
             Message::Ask { key, call } => self.ask(from, key, &call),
             Message::Cancel { key } => self.cancel(from, &key),
-            Message::Want { content, part, .. } => self.give(from, content, part),
+            Message::Want { content, part, .. } => {
+                self.gave = Some(now);
+                self.give(from, content, part);
+            }
             Message::Part { content, part, length, bytes } => {
                 self.take_part(from, content, part, length, bytes);
             }
@@ -107,6 +137,9 @@ impl Worker {
 
     /// Lets time pass.
     pub fn tick(&mut self, now: u64) {
+        if std::mem::take(&mut self.gives) {
+            self.gave = Some(now);
+        }
         if now >= self.next_hello {
             self.next_hello = now + HELLO;
             let hello = self.hello();
@@ -121,7 +154,8 @@ impl Worker {
         Hello {
             build: self.settings.build.text().to_owned(),
             incarnation: self.settings.incarnation,
-            slots: self.settings.slots as u32,
+            // One that drains has no free slot; with none at all it would count as gone, and its calls be asked again.
+            slots: if self.draining { self.running.len().max(1) } else { self.settings.slots } as u32,
             running: self.running.len() as u32,
             waiting: self.waiting.len() as u32,
             answered: self.counts.answered,
@@ -165,6 +199,7 @@ impl Worker {
                     self.answers.pop_first();
                 }
                 self.answers.insert(key, answer);
+                self.gives = true;
                 self.report(&askers, answer_message(key, answer, bytes));
             }
             Err(error) => self.report(&askers, Message::Failed { key, reason: error.to_string() }),
@@ -190,7 +225,7 @@ impl Worker {
             }
             self.answers.remove(&key);
         }
-        let is_full = self.waiting.len() >= MOST_WAITING;
+        let is_full = self.draining || self.waiting.len() >= MOST_WAITING;
         let waiting = self.waiting.iter_mut().find(|w| w.key == key).map(|w| &mut w.askers);
         let reply = match waiting.or(self.running.get_mut(&key)) {
             Some(askers) => {
