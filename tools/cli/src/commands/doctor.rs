@@ -13,7 +13,7 @@ use super::bridge;
 use super::hz::watched;
 use crate::attach::Which;
 use crate::doctor::settings::Kernel;
-use crate::doctor::{Finding, Verdict, limits, wakeup};
+use crate::doctor::{Finding, Verdict, latency, limits, wakeup};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::PipelineFile;
 
@@ -24,7 +24,7 @@ use crate::pipeline_file::PipelineFile;
 pub struct Doctor {
     #[command(flatten)]
     pipeline: PipelineFile,
-    /// How long wake-ups are measured.
+    /// How long wake-ups are measured: by this program, then by `cyclictest` and `rtla` where they are installed.
     #[arg(long = "for", value_name = "TIME", default_value = "10s")]
     time: String,
     /// Folder in which sessions are to be recorded.
@@ -61,6 +61,7 @@ impl Doctor {
         // The ends of links poll; they hold no period.
         let shortest = graph.operators.iter().filter(|o| o.far_end.is_none()).filter_map(|o| o.every).min();
         findings.extend(wakeup::measure(time).findings(shortest));
+        findings.extend(latency::measure(time, asked, shortest));
         findings.push(limits::cores(graph));
         findings.extend(Kernel::here().findings(&bound, asked.is_some()));
         findings.push(limits::shared_memory(graph));
