@@ -15,6 +15,7 @@ use super::exchange::{Ending, ended, open};
 use super::router::Hub;
 use super::tls::{Use, allow, load};
 use crate::error::BridgeError;
+use crate::metrics::{Exchanged, Served, of_worker};
 
 /// How the names of workers begin: access lists know workers by it.
 const NAMES: &str = "worker-";
@@ -40,7 +41,7 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     let tls = load(&arguments.tls)?;
     allow(tls.as_deref(), &Use::Compute)?;
     let hub = match &arguments.listen {
-        Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone())?),
+        Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone(), None)?),
         None => None,
     };
     let endpoint = match (&arguments.connect, &arguments.listen) {
@@ -51,13 +52,20 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     };
     let hub = hub.map(|hub| {
         let ending = ending.clone();
-        std::thread::spawn(move || hub.run(&ending))
+        std::thread::spawn(move || hub.run(&ending, || ()))
     });
+    let served = arguments.metrics.map(Served::at).transpose()?;
     let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
     println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
     let most_open = arguments.memory_mb.saturating_mul(1_000_000);
     let settings = WorkerSettings { build, incarnation: born, slots, most_open };
-    serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, arguments.wrong_from);
+    let update = |state: &State, mailbox: &Mailbox, exchanged: &mut Exchanged| {
+        if let Some(served) = &served {
+            exchanged.lost = mailbox.lost();
+            served.update(|| of_worker(&name, state, exchanged));
+        }
+    };
+    serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, arguments.wrong_from, update);
     if let Some(hub) = hub {
         let _ = hub.join();
     }
@@ -69,7 +77,15 @@ enum Happened {
     Result(Hash, Result<Vec<u8>, CallError>),
 }
 
-fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending, wrong_from: Option<u64>) {
+fn serve(
+    mut state: State,
+    mailbox: Arc<Mailbox>,
+    slots: usize,
+    ending: &Ending,
+    wrong_from: Option<u64>,
+    update: impl Fn(&State, &Mailbox, &mut Exchanged),
+) {
+    let mut exchanged = Exchanged::default();
     let (happens, happened) = channel();
     let (jobs, queue) = channel();
     let queue = Arc::new(Mutex::new(queue));
@@ -94,6 +110,7 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending,
         for one in first.into_iter().chain(happened.try_iter()) {
             match one {
                 Happened::Message(from, bytes) => {
+                    exchanged.receive(&from, bytes.len());
                     state.handle(begun.elapsed().as_nanos() as u64, &from, &bytes)
                 }
                 Happened::Result(key, result) => {
@@ -114,8 +131,11 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending,
                 To::All => None,
                 To::One(name) => Some(name.as_str()),
             };
-            mailbox.send(to, message.to_bytes());
+            let bytes = message.to_bytes();
+            exchanged.send(bytes.len());
+            mailbox.send(to, bytes);
         }
+        update(&state, &mailbox, &mut exchanged);
     }
 }
 
