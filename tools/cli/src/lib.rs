@@ -19,6 +19,7 @@
 //! - `attach`, `tap`, `answer`, `proposal`: a running pipeline, its topics, its answers: parts of `echo` and `send`
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
+//! - `delays`: how long processes waited for a core, for `trace`
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
 //! - `view`: the page of a run or a session, for `view`
 //! - `upstream`: the images behind a face, for `send` and `view`
@@ -40,6 +41,7 @@ mod attach;
 mod columns;
 mod commands;
 mod compress;
+mod delays;
 mod differences;
 mod doctor;
 mod exit;
