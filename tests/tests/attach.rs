@@ -236,3 +236,22 @@ fn another_user_can_neither_cut_what_a_run_shares_nor_stop_it_or_those_that_send
     run.stop().good();
     assert_eq!(crate::bench::shared_objects(id), 0);
 }
+
+#[test]
+fn programs_that_were_killed_while_they_read_do_not_keep_others_from_reading() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 2);
+    // More than a topic has room for.
+    for _ in 0..7 {
+        let reader = bench.start(&["echo", "sink.sum"]);
+        crate::bench::wait_for("a sample, or a refusal", || {
+            (!reader.output_text().is_empty() || !reader.errors().is_empty()).then_some(())
+        });
+        reader.signal(rustix::process::Signal::KILL);
+        reader.finish();
+    }
+    let echo = || bench.call(&["echo", "sink.sum", "--count", "1"]);
+    crate::bench::wait_for("a place to read", || (echo().code() == 0).then_some(()));
+    run.stop().good();
+}

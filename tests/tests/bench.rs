@@ -159,6 +159,29 @@ impl Drop for Bench {
     }
 }
 
+/// A file system that is taken away again, also by a test that fails.
+pub struct Mounted(PathBuf);
+
+impl Drop for Mounted {
+    fn drop(&mut self) {
+        // Programs that still write there do not hold it up.
+        let _ = Command::new("umount").arg("--lazy").arg(&self.0).output();
+    }
+}
+
+/// A file system of this size, as `disk` in the folder of the bench; none where this user may not mount one.
+pub fn small_disk(bench: &Bench, size: &str) -> Option<Mounted> {
+    let at = bench.path("disk");
+    std::fs::create_dir(&at).unwrap();
+    let size = format!("size={size}");
+    let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "none", text(&at)]).output();
+    if mounted.is_ok_and(|o| o.status.success()) {
+        return Some(Mounted(at));
+    }
+    eprintln!("skipped: a small file system cannot be mounted here");
+    None
+}
+
 impl Running {
     pub fn pid(&self) -> u32 {
         self.child.id()

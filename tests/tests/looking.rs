@@ -378,6 +378,14 @@ fn a_trace_of_a_run_and_of_its_session_names_paths_hops_and_blame() {
         assert_eq!(keys(path), keys(&live["paths"][0]));
     }
     assert_eq!(live["of"]["run"].as_u64().is_some(), recorded["of"]["session"].is_string());
+    // The kernel counts how long each process waited for a core; a session has no such count.
+    let delays = live["processes"].as_array().unwrap();
+    for process in ["source", "middle", "sink"] {
+        let delay =
+            delays.iter().find(|d| d["process"] == process).unwrap_or_else(|| panic!("{process}: {live}"));
+        assert!(delay["delayed_ms"].as_f64().unwrap() >= 0.0 && delay["seconds"].as_f64().unwrap() >= 0.5);
+    }
+    assert!(recorded["processes"].is_null(), "{}", recorded["processes"]);
     let (slices, arrows) = check_trace_events(&file);
     let done: u64 =
         report["operators"].as_array().unwrap().iter().map(|o| o["activations"].as_u64().unwrap()).sum();

@@ -112,3 +112,27 @@ fn a_process_without_a_core_is_named() {
     other.wait().unwrap();
     run.stop();
 }
+
+#[test]
+fn a_full_disk_is_named_while_the_run_goes_on_and_by_doctor() {
+    let bench = Bench::new();
+    let Some(_disk) = crate::bench::small_disk(&bench, "4m") else { return };
+    let file = pipeline("flood.yaml");
+    // Before the run, the doctor names the disk; the same disk is not named where sessions go elsewhere.
+    let disk_of = |record: &str| {
+        let done = bench.call(&["doctor", text(&file), "--for", "100 ms", "--record", record, "--json"]);
+        let findings = done.json()["findings"].as_array().unwrap().clone();
+        findings.into_iter().find(|f| f["setting"] == "disk of sessions").unwrap()
+    };
+    assert_eq!(disk_of("disk/sessions")["verdict"], "bad", "{}", disk_of("disk/sessions"));
+    assert!(disk_of("elsewhere")["found"].as_str().unwrap().contains("elsewhere"));
+    let run = bench.start(&["run", text(&file), "--json", "--record", "disk"]);
+    crate::bench::wait_for("the run", || (bench.call(&["topics"]).code() == 0).then_some(()));
+    crate::bench::wait_for("the answer of the disk", || {
+        run.has_answered("No space left on device").then_some(())
+    });
+    wait_for_trouble(&bench, &["the disk of the session is full", "make room on it"]);
+    let done = run.stop();
+    assert_eq!(done.code(), 1, "a recording was asked for, and there is none");
+    assert_eq!(done.json()["complete"], false, "{}", done.out);
+}

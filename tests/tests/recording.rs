@@ -103,28 +103,10 @@ fn a_folder_that_cannot_be_written_is_named_and_nothing_is_left() {
     assert!(bench.run_ids().is_empty());
 }
 
-/// A file system that is taken away again, also by a test that fails.
-struct Mounted(std::path::PathBuf);
-
-impl Drop for Mounted {
-    fn drop(&mut self) {
-        let _ = std::process::Command::new("umount").arg(&self.0).output();
-    }
-}
-
 #[test]
 fn a_full_disk_is_named_and_the_run_goes_on_to_its_end() {
     let bench = Bench::new();
-    std::fs::create_dir(bench.path("disk")).unwrap();
-    let mounted = std::process::Command::new("mount")
-        .args(["-t", "tmpfs", "-o", "size=256k", "none", text(&bench.path("disk"))])
-        .output()
-        .is_ok_and(|o| o.status.success());
-    if !mounted {
-        eprintln!("skipped: a small file system cannot be mounted here");
-        return;
-    }
-    let disk = Mounted(bench.path("disk"));
+    let Some(disk) = crate::bench::small_disk(&bench, "256k") else { return };
     let file = pipeline("flood.yaml");
     let done = bench.start(&["run", text(&file), "--for", "3 s", "--json", "--record", "disk"]).finish();
     let info = bench.call(&["info", "disk/flood-0001", "--json"]);

@@ -1,5 +1,9 @@
 //! The page of a run and of its session, in a browser.
 
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::bench::{Bench, Running, pipeline, text};
@@ -104,4 +108,38 @@ fn a_page_in_a_browser_scrubs_through_a_session_and_computes_its_images() {
     assert!(!whole.as_str().unwrap().contains("over 0.5 s"), "{whole}");
     browser.evaluate("document.querySelector('#follow').click()");
     browser.wait_until("document.querySelector('#valves').textContent === 'valves armed'");
+}
+
+#[test]
+fn a_browser_that_reads_nothing_and_a_page_that_stands_still_delay_no_stage() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("seeing.yaml"));
+    bench.wait_for_samples("head.report", 2);
+    let page = bench.start(&["view", "--port", "0", "--for", "1s"]);
+    let url = address(&page);
+    let host = url.strip_prefix("http://").unwrap().trim_end_matches('/');
+    let ask = |path: &str| {
+        let mut client = TcpStream::connect(host).unwrap();
+        write!(client, "GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+        client
+    };
+    // They ask and never read.
+    let stalled: Vec<TcpStream> =
+        ["/events", "/image", "/state.json", "/rows.json"].into_iter().cycle().take(16).map(ask).collect();
+    // Another client follows as if they were not there.
+    let states = BufReader::new(ask("/events")).lines().map_while(Result::ok);
+    assert_eq!(states.filter(|line| line.starts_with("data: {")).take(4).count(), 4);
+    // The whole program stands still with its ports open: samples go on to be sent and taken.
+    page.signal(Signal::STOP);
+    bench.wait_for_samples("head.report", 12);
+    page.signal(Signal::CONT);
+    drop(stalled);
+    let report = run.stop().good();
+    let lines = report["ledger"].as_array().unwrap();
+    assert!(!lines.is_empty());
+    for line in lines {
+        assert_eq!((&line["pool_exhausted"], &line["unexplained"]), (&0.into(), &0.into()), "{line}");
+    }
+    let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
+    assert_eq!(replay["identical_all"], true, "{replay}");
 }

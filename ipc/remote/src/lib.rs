@@ -25,7 +25,7 @@
 //! - `lane`: the thread that puts
 //! - `mailbox`: messages between named programs, for the planning pool
 //! - `ros2`: one node of ROS 2
-//! - `router`: a router between hosts that cannot reach each other
+//! - `router`: a router between hosts that cannot reach each other; `roster`: those who greet through it
 
 mod access;
 mod attachment;
@@ -46,6 +46,7 @@ mod probe;
 mod receiver;
 mod remote;
 mod ros2;
+mod roster;
 mod router;
 mod sender;
 mod shared;
@@ -67,6 +68,7 @@ pub use probe::{Answer, probe};
 pub use receiver::Taken;
 pub use remote::Remote;
 pub use ros2::{Ros2, Ros2Message, Ros2Publisher, Ros2Settings, TakeMessage};
+pub use roster::{Member, Roster};
 pub use router::Router;
 pub use sender::Sent;
 pub use tls::{Tls, TlsError, TlsFiles};

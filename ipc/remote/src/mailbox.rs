@@ -44,6 +44,7 @@ struct Inbox {
 struct Waiting {
     messages: VecDeque<(String, Vec<u8>)>,
     bytes: usize,
+    lost: u64,
 }
 
 impl Inbox {
@@ -58,6 +59,7 @@ impl Inbox {
         while waiting.bytes > MOST_WAITING {
             let Some((_, oldest)) = waiting.messages.pop_front() else { break };
             waiting.bytes -= oldest.len();
+            waiting.lost += 1;
         }
         drop(waiting);
         self.signal.notify_one();
@@ -121,6 +123,13 @@ impl Mailbox {
             }
             waiting = self.inbox.signal.wait_timeout(waiting, rest).unwrap_or_else(PoisonError::into_inner).0;
         }
+    }
+}
+
+impl Mailbox {
+    /// Messages that arrived and were pushed out before they were taken.
+    pub fn lost(&self) -> u64 {
+        self.inbox.waiting().lost
     }
 }
 

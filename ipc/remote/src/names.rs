@@ -44,6 +44,11 @@ pub fn all_acknowledgements(prefix: &str) -> String {
     format!("{}/taken/*", chunk(prefix))
 }
 
+/// The key of what workers of the planning pool send to all: their greetings.
+pub fn pool_greetings(prefix: &str) -> String {
+    format!("{}/pool/1/all/*", chunk(prefix))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,6 +10,9 @@ use iceoryx2::service::ipc;
 use crate::error::{ShmError, name_error};
 use crate::node_counter::{self, SHARED};
 
+/// Name of the node of a program that joins a run without being a part of it. No process of a pipeline has this name.
+pub const VISITOR: &str = "visitor.attached";
+
 /// One run's corner of shared memory: its own prefix and root folder, so that runs do not see each other.
 pub struct Domain {
     pub(crate) node: Node<ipc::Service>,
@@ -53,6 +56,19 @@ impl Domain {
             .create::<ipc::Service>()
             .map_err(|e| ShmError::Node { root: root.to_owned(), cause: e.into() })?;
         Ok(Self { node })
+    }
+
+    /// Gives the ports of programs back that joined a run as [`VISITOR`] and were killed: others could not attach any more.
+    /// Nobody waits for samples of theirs.
+    pub fn clean_dead_visitors(&self) {
+        let _ = Node::<ipc::Service>::list(self.node.config(), |node| {
+            if let NodeState::Dead(dead) = node
+                && dead.details().as_ref().is_some_and(|of| of.name().as_str() == VISITOR)
+            {
+                let _ = dead.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        });
     }
 
     /// Gives the ports and memory of dead nodes back. Only the supervisor calls it, after every consumer has connected

@@ -23,7 +23,7 @@ mod topic;
 mod wake;
 
 pub use contract::Contract;
-pub use domain::{Domain, sweep};
+pub use domain::{Domain, VISITOR, sweep};
 pub use error::{CounterFault, PortKind, PortRefusal, ShmError};
 pub use ports::{Loan, Publisher, Received, Subscriber};
 pub use realtime::{RealTimeError, real_time};

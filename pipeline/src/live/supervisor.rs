@@ -56,6 +56,8 @@ pub struct Supervisor {
     /// Number of the last order to connect.
     connects: u64,
     dead: Vec<restarts::Dead>,
+    /// When dead programs that had attached are looked for next, session time.
+    visitors_due: u64,
     journals: Vec<Subscriber>,
     requests: requests::Requests,
     ledger: Ledger,
@@ -154,6 +156,7 @@ impl Supervisor {
             recorder_due: None,
             connects: 0,
             dead: Vec::new(),
+            visitors_due: 0,
             journals,
             requests,
             ledger: Ledger::default(),

@@ -6,6 +6,7 @@
 
 mod pki;
 
+use std::net::SocketAddr;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -37,6 +38,10 @@ pub struct Router {
     /// The certificate.
     #[command(flatten)]
     pub tls: TlsArgs,
+    /// Serve figures of the hosts and workers that greet through it as Prometheus text at this address, such as
+    /// `127.0.0.1:9464`; port 0 takes any.
+    #[arg(long, value_name = "ADDRESS")]
+    pub metrics: Option<SocketAddr>,
 }
 
 /// List the workers of a pool: load, calls a second, cache, and whether they are of this build.
@@ -94,6 +99,9 @@ pub struct Worker {
     /// The most megabytes of arguments that are kept open in memory.
     #[arg(long, value_name = "MB", default_value_t = 2000)]
     pub memory_mb: u64,
+    /// Serve the figures of this worker as Prometheus text at this address, such as `127.0.0.1:9464`; port 0 takes any.
+    #[arg(long, value_name = "ADDRESS")]
+    pub metrics: Option<SocketAddr>,
     /// Answers from this one on are wrong: a test of those who ask.
     #[arg(long, hide = true)]
     pub wrong_from: Option<u64>,

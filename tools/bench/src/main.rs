@@ -8,7 +8,10 @@
 //! - `replay`: bit-for-bit replay, and its speed
 //! - `failsafe`, `fault_trial`, `evidence`: the time to the safe state after a fault
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
-//! - `program`: the default pipeline as a separate program
+//! - `tap`: the cost of an attached `echo`, `top` or `view`
+//! - `scale`: start-up, memory and costs of pipelines with many operators
+//! - `program`: a pipeline as a separate program
+//! - `attached`: a command that is attached to such a program
 //! - `stages`, `clouds`, `nan_injection`: the bench's own kinds of operators
 //! - `window`: one live run of a pipeline
 //! - `bare`: chains of processes on bare iceoryx2 ports
@@ -21,6 +24,7 @@
 #[macro_use]
 extern crate stillpoint;
 
+mod attached;
 mod bare;
 mod closed_loop;
 mod clouds;
@@ -38,7 +42,9 @@ mod processes;
 mod program;
 mod record;
 mod replay;
+mod scale;
 mod stages;
+mod tap;
 mod window;
 
 use std::process::ExitCode;
@@ -65,14 +71,19 @@ enum Measurement {
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
     Loop(closed_loop::ClosedLoop),
-    /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate
-    /// programs.
-    #[command(name = RUN, hide = true)]
-    Run(stillpoint::Run),
+    Tap(tap::TapCost),
+    Scale(scale::Scale),
+    /// `stillpoint` with the bench's own kinds of operators, because a measurement runs pipelines in separate programs,
+    /// and attaches commands to them.
+    #[command(name = COMMAND, hide = true)]
+    Command {
+        #[command(subcommand)]
+        command: Box<stillpoint::Command>,
+    },
 }
 
-/// Name of the hidden subcommand that runs a pipeline.
-const RUN: &str = "__run";
+/// Name of the hidden subcommand that is `stillpoint`.
+const COMMAND: &str = "__stillpoint";
 
 impl Measurement {
     fn execute(self, registry: &Registry) -> Ended {
@@ -84,7 +95,9 @@ impl Measurement {
             Self::Replay(b) => b.execute(registry),
             Self::Failsafe(b) => b.execute(registry),
             Self::Loop(b) => b.execute(registry),
-            Self::Run(run) => run.execute(registry),
+            Self::Tap(b) => b.execute(registry),
+            Self::Scale(b) => b.execute(registry),
+            Self::Command { command } => command.execute(registry),
         }
     }
 }

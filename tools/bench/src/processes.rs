@@ -1,4 +1,4 @@
-//! The processes of a run, and random numbers to choose one of them to kill.
+//! The processes of a run, what they take, and random numbers to choose one of them to kill.
 
 use rustix::process::Pid;
 
@@ -18,12 +18,31 @@ pub fn children(supervisor: u32) -> Vec<(String, Pid)> {
         .collect()
 }
 
+/// CPU time of the threads of a process, ns; 0 if the system does not state it.
+pub fn cpu(process: Pid) -> u64 {
+    scheduled(process, 0)
+}
+
 /// Time that the threads of a process have waited for a core, ns; 0 if the system does not state it.
 pub fn waited(process: Pid) -> u64 {
+    scheduled(process, 1)
+}
+
+/// Memory of a process in RAM, bytes: a page that several processes have counts in equal parts for each; 0 if the system
+/// does not state it.
+pub fn memory(process: Pid) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/smaps_rollup", process.as_raw_nonzero()));
+    let text = text.unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("Pss:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) * 1024
+}
+
+/// The sum of a field of `schedstat` over the threads of a process.
+fn scheduled(process: Pid, field: usize) -> u64 {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero()));
     let lines = tasks.into_iter().flatten().flatten();
     let lines = lines.filter_map(|t| std::fs::read_to_string(t.path().join("schedstat")).ok());
-    lines.filter_map(|line| line.split_whitespace().nth(1)?.parse::<u64>().ok()).sum()
+    lines.filter_map(|line| line.split_whitespace().nth(field)?.parse::<u64>().ok()).sum()
 }
 
 /// Pseudo-random numbers that differ from run to run.

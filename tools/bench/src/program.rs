@@ -1,4 +1,4 @@
-//! The default pipeline as a separate program, which a measurement observes and disturbs from outside.
+//! A pipeline as a separate program, which a measurement observes and disturbs from outside.
 
 use std::fs::File;
 use std::net::Ipv4Addr;
@@ -12,11 +12,11 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement, Verb};
 
-use super::RUN;
+use super::COMMAND;
 use super::processes::{children, waited};
 use stillpoint::Failure;
 use stillpoint::deliver;
-use stillpoint::{Attached, Which};
+use stillpoint::{Attached, Tap, Which};
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
 /// Addresses in the pipeline's file: of the valves, of the beam, and of the acknowledgements.
@@ -63,7 +63,7 @@ fn own_address() -> Ipv4Addr {
     Ipv4Addr::new(127, high, low, 1 + run as u8)
 }
 
-/// A run of the default pipeline. Its supervisor is a separate process, too, because a fault may kill or stop it.
+/// A run of a pipeline. Its supervisor is a separate process, too, because a fault may kill or stop it.
 pub struct Program {
     child: Child,
     folder: PathBuf,
@@ -72,11 +72,19 @@ pub struct Program {
 }
 
 impl Program {
+    /// Starts a pipeline of this text in the folder, with these additional arguments.
+    pub fn of(text: &str, folder: &Path, arguments: &[&str]) -> Result<Self, Failure> {
+        std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(folder.join(FILE), text))
+            .map_err(|e| Failure::failed(format!("{}: {e}", folder.display())))?;
+        Self::start(folder, arguments)
+    }
+
     /// Starts the pipeline in the folder, with these additional arguments.
     pub fn start(folder: &Path, arguments: &[&str]) -> Result<Self, Failure> {
         let program = std::env::current_exe().map_err(Failure::failed)?;
         let child = Command::new(program)
-            .args([RUN, FILE, "--json"])
+            .args([COMMAND, "run", FILE, "--json"])
             .args(arguments)
             .current_dir(folder)
             .stdin(Stdio::null())
@@ -90,6 +98,35 @@ impl Program {
     /// Selection of this run among the runs of the machine.
     pub fn which(&self) -> Which {
         Which { run: Some(self.child.id().to_string()) }
+    }
+
+    /// Waits until a topic of the run can be read, and reads it from then on. Fails if the run ends.
+    pub fn tap(&mut self, registry: &Registry, topic: &str) -> Result<(Attached, Tap), Failure> {
+        let begun = Instant::now();
+        loop {
+            let tapped = self.attach(registry).and_then(|attached| {
+                let (tap, _) = Tap::of_topic(&attached, topic)?;
+                Ok((attached, tap))
+            });
+            if let Ok((attached, tap)) = tapped {
+                return Ok((attached, tap));
+            }
+            if let Some(status) = self.child.try_wait().map_err(Failure::failed)? {
+                let message = std::fs::read_to_string(self.folder.join(OUTPUT)).unwrap_or_default();
+                return Err(Failure::failed(format!("a run ended before it began: {status}: {message}")));
+            }
+            if begun.elapsed() > PATIENCE {
+                return tapped;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// The processes of the run with its supervisor.
+    pub fn processes(&mut self) -> Vec<(String, Pid)> {
+        self.processes = children(self.child.id());
+        let supervisor = self.pid(SUPERVISOR).ok().map(|pid| (SUPERVISOR.to_owned(), pid));
+        self.processes.iter().cloned().chain(supervisor).collect()
     }
 
     /// Attaches to the run.

@@ -1,5 +1,6 @@
 //! Why the bridge, or a subcommand, cannot go on.
 
+use stillpoint_http::MetricsError;
 use stillpoint_pool::{BuildError, StoreError};
 use stillpoint_remote::{PkiError, RemoteError, TlsError};
 
@@ -31,6 +32,9 @@ pub enum BridgeError {
     /// The cache cannot be opened.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// Figures cannot be served.
+    #[error(transparent)]
+    Metrics(#[from] MetricsError),
     /// The system.
     #[error(transparent)]
     Io(#[from] std::io::Error),

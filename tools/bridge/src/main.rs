@@ -3,10 +3,12 @@
 //!
 //! - `commands`: a file per subcommand
 //! - `network`: zenoh as the network of a run
+//! - `metrics`: figures of a worker and of a router as Prometheus text
 //! - `error`: why it cannot go on
 
 mod commands;
 mod error;
+mod metrics;
 mod network;
 
 use std::process::ExitCode;

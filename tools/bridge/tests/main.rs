@@ -14,6 +14,7 @@ mod cut;
 mod games;
 mod hosts;
 mod killed;
+mod metrics;
 mod namespaces;
 mod overhead;
 mod pool;

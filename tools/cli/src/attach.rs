@@ -7,7 +7,7 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::config;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::run_folder::{RunCard, going_on};
-use stillpoint_shm::Domain;
+use stillpoint_shm::{Domain, VISITOR};
 
 use crate::exit::Failure;
 
@@ -79,7 +79,7 @@ impl Which {
             config::check(&card.source, &card.file, &card.sets, registry, &card.files).map_err(|faults| {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
-        let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;
+        let domain = Domain::join(&card.root, &card.prefix, VISITOR).map_err(Failure::failed)?;
         Ok(Attached {
             graph: graph.live(),
             domain,

@@ -19,8 +19,8 @@
 //! - `attach`, `tap`, `answer`, `proposal`: a running pipeline, its topics, its answers: parts of `echo` and `send`
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
+//! - `delays`: how long processes waited for a core, for `trace`
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
-//! - `http`: the words of HTTP that `run --metrics` and `view` speak
 //! - `view`: the page of a run or a session, for `view`
 //! - `upstream`: the images behind a face, for `send` and `view`
 //! - `metrics`: figures of a run as Prometheus text
@@ -41,11 +41,11 @@ mod attach;
 mod columns;
 mod commands;
 mod compress;
+mod delays;
 mod differences;
 mod doctor;
 mod exit;
 mod held;
-mod http;
 pub mod jobs;
 mod journals;
 mod metrics;
@@ -82,9 +82,8 @@ use std::process::ExitCode;
 use clap::Parser;
 use stillpoint_operator::{Registry, Stage};
 
-use commands::Command;
-
 pub use attach::{Attached, Which};
+pub use commands::Command;
 pub use commands::replay::opening_of;
 pub use commands::run::Run;
 pub use commands::send::deliver;

@@ -1,140 +1,68 @@
-//! The figures of a run as Prometheus text, over HTTP.
+//! The figures of a run as Prometheus text.
 
-use std::fmt::Write as _;
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::{Arc, Mutex};
-
-use stillpoint_pipeline::limits::start_thread;
+use stillpoint_http::{FigureKind, Figures};
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_report::hold::Held;
 
-use crate::exit::Failure;
-use crate::http::{Request, respond};
+/// Name, kind, description and value of a family of figures of operators.
+type Family = (&'static str, FigureKind, &'static str, fn(&OperatorFigures) -> f64);
 
-/// The figures that clients read.
-#[derive(Clone, Default)]
-pub struct Metrics {
-    text: Arc<Mutex<String>>,
-}
-
-impl Metrics {
-    /// Serves figures at an address from now on, as long as this process lives. Gives the address with its port.
-    pub fn serve(address: SocketAddr) -> Result<(Self, SocketAddr), Failure> {
-        let wrong = |e: std::io::Error| {
-            Failure::wrong(format!("--metrics {address}: {e}; choose another address or port"))
-        };
-        let listener = TcpListener::bind(address).map_err(wrong)?;
-        let bound = listener.local_addr().map_err(wrong)?;
-        let metrics = Self::default();
-        let text = metrics.text.clone();
-        // A thread of its own: a client that stalls never delays the supervisor.
-        start_thread(move || {
-            for client in listener.incoming().flatten() {
-                let body = text.lock().map(|text| text.clone()).unwrap_or_default();
-                let _ = answer(client, &body);
-            }
-        })
-        .map_err(|e| Failure::failed(format!("the thread that serves metrics cannot be started: {e}")))?;
-        Ok((metrics, bound))
-    }
-
-    /// Takes the present figures.
-    pub fn update(&self, pipeline: &str, seconds: f64, operators: &[OperatorFigures], held: Option<&Held>) {
-        let new = text(pipeline, seconds, operators, held);
-        if let Ok(mut text) = self.text.lock() {
-            *text = new;
-        }
-    }
-}
-
-fn answer(mut client: TcpStream, body: &str) -> std::io::Result<()> {
-    let request = Request::read(&mut client)?;
-    let (status, kind, body) = match (request.method.as_str(), request.path.as_str()) {
-        ("GET", "/metrics" | "/") => ("200 OK", "text/plain; version=0.0.4; charset=utf-8", body),
-        ("GET", _) => ("404 Not Found", "text/plain", "only /metrics is there\n"),
-        _ => ("405 Method Not Allowed", "text/plain", "only GET is taken\n"),
-    };
-    respond(&mut client, status, kind, body.as_bytes())
-}
-
-/// A value of a label: quotes, backslashes and line ends are escaped.
-fn label(text: &str) -> String {
-    text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
-}
-
-/// The figures in the text format of Prometheus.
-fn text(pipeline: &str, seconds: f64, operators: &[OperatorFigures], held: Option<&Held>) -> String {
-    let mut out = String::new();
-    let pipeline = label(pipeline);
-    let _ = writeln!(out, "# HELP stillpoint_run_seconds Session time since the run began.");
-    let _ = writeln!(out, "# TYPE stillpoint_run_seconds gauge");
-    let _ = writeln!(out, "stillpoint_run_seconds{{pipeline=\"{pipeline}\"}} {seconds}");
-    type Of = fn(&OperatorFigures) -> f64;
-    let families: [(&str, &str, &str, Of); 12] = [
-        ("activations_total", "counter", "Activations.", |o| o.activations as f64),
-        ("samples_sent_total", "counter", "Samples sent.", |o| o.sent as f64),
-        ("samples_lost_total", "counter", "Samples on the inputs that newer ones pushed out.", |o| {
+/// The families of operators.
+const FAMILIES: [Family; 12] = {
+    use FigureKind::{Counter, Gauge};
+    [
+        ("activations_total", Counter, "Activations.", |o| o.activations as f64),
+        ("samples_sent_total", Counter, "Samples sent.", |o| o.sent as f64),
+        ("samples_lost_total", Counter, "Samples on the inputs that newer ones pushed out.", |o| {
             o.lost as f64
         }),
-        ("ticks_missed_total", "counter", "Ticks of the timer that passed.", |o| o.missed as f64),
-        ("errors_total", "counter", "Activations that returned an error.", |o| o.errors as f64),
-        ("panics_total", "counter", "Activations that panicked.", |o| o.panics as f64),
-        ("restarts_total", "counter", "Restarts.", |o| f64::from(o.incarnations.saturating_sub(1))),
-        ("rate_hertz", "gauge", "Activations a second.", |o| o.rate_hz),
-        ("step_seconds_p50", "gauge", "Median of the time of a step.", |o| o.step_ms[0] * 1e-3),
-        ("step_seconds_p99", "gauge", "99 % quantile of the time of a step.", |o| o.step_ms[1] * 1e-3),
-        ("age_seconds_p50", "gauge", "Median of the age of what is sent, since its acquisition.", |o| {
+        ("ticks_missed_total", Counter, "Ticks of the timer that passed.", |o| o.missed as f64),
+        ("errors_total", Counter, "Activations that returned an error.", |o| o.errors as f64),
+        ("panics_total", Counter, "Activations that panicked.", |o| o.panics as f64),
+        ("restarts_total", Counter, "Restarts.", |o| f64::from(o.incarnations.saturating_sub(1))),
+        ("rate_hertz", Gauge, "Activations a second.", |o| o.rate_hz),
+        ("step_seconds_p50", Gauge, "Median of the time of a step.", |o| o.step_ms[0] * 1e-3),
+        ("step_seconds_p99", Gauge, "99 % quantile of the time of a step.", |o| o.step_ms[1] * 1e-3),
+        ("age_seconds_p50", Gauge, "Median of the age of what is sent, since its acquisition.", |o| {
             o.age_ms[0] * 1e-3
         }),
-        ("age_seconds_p99", "gauge", "99 % quantile of that age.", |o| o.age_ms[1] * 1e-3),
-    ];
-    for (name, kind, help, of) in families {
-        let _ = writeln!(out, "# HELP stillpoint_{name} {help}\n# TYPE stillpoint_{name} {kind}");
-        for o in operators.iter().filter(|o| of(o).is_finite()) {
-            let operator = label(&o.operator);
-            let _ = writeln!(
-                out,
-                "stillpoint_{name}{{pipeline=\"{pipeline}\",operator=\"{operator}\"}} {}",
-                of(o)
-            );
+        ("age_seconds_p99", Gauge, "99 % quantile of that age.", |o| o.age_ms[1] * 1e-3),
+    ]
+};
+
+/// The figures of a run.
+pub fn figures(pipeline: &str, seconds: f64, operators: &[OperatorFigures], held: Option<&Held>) -> Figures {
+    let mut figures = Figures::default();
+    figures
+        .family("run_seconds", FigureKind::Gauge, "Session time since the run began.")
+        .value(&[("pipeline", pipeline)], seconds);
+    for (name, kind, about, of) in FAMILIES {
+        figures.family(name, kind, about);
+        for o in operators {
+            figures.value(&[("pipeline", pipeline), ("operator", &o.operator)], of(o));
         }
     }
-    let gates = held.map_or(&[][..], |h| &h.gates);
-    let valves = held.map_or(&[][..], |h| &h.valves);
-    let _ = writeln!(
-        out,
-        "# HELP stillpoint_beam_on Whether the beam may be on.\n# TYPE stillpoint_beam_on gauge"
-    );
-    for gate in gates {
-        let topic = label(&gate.topic);
-        let _ = writeln!(
-            out,
-            "stillpoint_beam_on{{pipeline=\"{pipeline}\",topic=\"{topic}\"}} {}",
-            u8::from(gate.on)
-        );
+    figures.family("beam_on", FigureKind::Gauge, "Whether the beam may be on.");
+    for gate in held.map_or(&[][..], |h| &h.gates) {
+        figures.value(&[("pipeline", pipeline), ("topic", &gate.topic)], f64::from(u8::from(gate.on)));
     }
-    let _ = writeln!(
-        out,
-        "# HELP stillpoint_valve_faults_total Faults of actuation.\n# TYPE stillpoint_valve_faults_total counter"
-    );
-    for v in valves {
-        let topic = label(&v.topic);
-        let _ = writeln!(
-            out,
-            "stillpoint_valve_faults_total{{pipeline=\"{pipeline}\",topic=\"{topic}\"}} {}",
-            v.faults
-        );
+    figures.family("valve_faults_total", FigureKind::Counter, "Faults of actuation.");
+    for v in held.map_or(&[][..], |h| &h.valves) {
+        figures.value(&[("pipeline", pipeline), ("topic", &v.topic)], v.faults as f64);
     }
-    out
+    figures
 }
 
 #[cfg(test)]
 mod tests {
     use std::io::{Read, Write};
+    use std::net::{SocketAddr, TcpStream};
+
+    use stillpoint_http::Metrics;
 
     use super::*;
 
-    fn figures(name: &str) -> OperatorFigures {
+    fn of(name: &str) -> OperatorFigures {
         OperatorFigures {
             operator: name.into(),
             activations: 100,
@@ -164,8 +92,8 @@ mod tests {
     #[test]
     fn a_client_reads_families_with_their_type_and_a_value_for_each_operator() {
         let (metrics, address) =
-            Metrics::serve(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap_or_else(|e| panic!("{}", e.text));
-        metrics.update("head-3dof", 2.5, &[figures("face"), figures("law")], None);
+            Metrics::serve(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap_or_else(|e| panic!("{e}"));
+        metrics.update(super::figures("head-3dof", 2.5, &[of("face"), of("law")], None));
         let answer = ask(address, "GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n");
         let (head, body) = answer.split_once("\r\n\r\n").unwrap_or_else(|| panic!("{answer}"));
         assert!(head.starts_with("HTTP/1.1 200 OK") && head.contains("version=0.0.4"), "{head}");

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 
+use stillpoint_http::Metrics;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::Fault;
 use stillpoint_pipeline::live::status::OperatorFigures;
@@ -10,7 +11,7 @@ use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::held::{HeldTaps, Read};
 use crate::journals::JournalTaps;
-use crate::metrics::Metrics;
+use crate::metrics;
 use crate::summary::Observed;
 use stillpoint_report::contracts;
 use stillpoint_report::hold::Held;
@@ -105,8 +106,8 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
 
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
         let held = self.taps.as_mut().map(Taps::look);
-        if let Some((metrics, pipeline)) = &self.metrics {
-            metrics.update(pipeline, seconds, operators, held.as_ref());
+        if let Some((served, pipeline)) = &self.metrics {
+            served.update(metrics::figures(pipeline, seconds, operators, held.as_ref()));
         }
         if !self.terminal {
             return;

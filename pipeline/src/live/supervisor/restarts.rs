@@ -20,6 +20,9 @@ const RECORDER_LONGEST: u64 = 5_000_000_000;
 /// Longest wait before the bridge is started again, ns: the other hosts may be at fault.
 const BRIDGE_LONGEST: u64 = 2_000_000_000;
 
+/// Interval at which the ports of killed programs that had attached are given back, ns.
+const VISITORS: u64 = 2_000_000_000;
+
 /// A process that is gone, and whose node is not cleaned yet.
 pub(super) struct Dead {
     /// Its number, if it was a worker.
@@ -71,6 +74,10 @@ impl Supervisor {
             self.reap_recorder(now);
         }
         self.clean_dead_nodes_that_are_read();
+        if now >= self.visitors_due {
+            self.visitors_due = now + VISITORS;
+            self.domain.clean_dead_visitors();
+        }
         if self.recorder_due.is_some_and(|due| due <= now) {
             self.recorder_due = None;
             self.start_recorder()?;

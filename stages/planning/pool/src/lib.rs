@@ -63,4 +63,4 @@ pub use setup::{DoseFiles, Names, PoolSetup};
 pub use solver::PoolSolver;
 pub use store::{Store, StoreError};
 pub use wire::WireError;
-pub use worker::{Job, Worker, WorkerSettings};
+pub use worker::{Job, Worker, WorkerCounts, WorkerSettings};

@@ -47,6 +47,12 @@ fn arguments_with_which_a_bench_measures_nothing_are_refused() {
         ("failsafe", "threads", "0"),
         ("loop", "seconds", "0"),
         ("loop", "rounds", "0"),
+        ("tap", "windows", "0"),
+        ("tap", "length", "100"),
+        ("tap", "payload", "65"),
+        ("scale", "operators", "1"),
+        ("scale", "group", "0"),
+        ("scale", "seconds", "0"),
     ] {
         let out = stillpoint_bench(folder.path(), &[bench, &format!("--{option}"), wrong]);
         let message = text(&out.stderr);
@@ -69,4 +75,43 @@ fn ten_kills_of_the_recorder_at_random_moments_take_at_most_the_last_second() {
     let reported = reported(folder.path(), &["killed", "--kills", "10", "--folder", ".", "--json"]);
     let ten = serde_json::json!(10);
     assert_eq!((&reported["kept"], &reported["whole"], &reported["opens"]), (&ten, &ten, &ten));
+}
+
+#[test]
+fn the_cost_of_each_attached_command_is_measured_in_one_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let reported =
+        reported(folder.path(), &["tap", "--windows", "1", "--length", "300", "--payload", "64", "--json"]);
+    let tools: Vec<&str> = reported.as_array().unwrap().iter().map(|l| l["tool"].as_str().unwrap()).collect();
+    assert_eq!(tools, ["none", "echo", "top", "view"]);
+    for line in reported.as_array().unwrap() {
+        let count = |of: &str| line[of]["count"].as_u64().unwrap();
+        assert!(count("without") > 10 && count("with") > 10, "{line}");
+        // The same pipeline on both sides: the ratio is that of the two medians.
+        let p50 = |of: &str| line[of]["p50"].as_f64().unwrap();
+        let ratio = line["ratio"].as_f64().unwrap();
+        assert!((ratio - p50("with") / p50("without")).abs() < 1e-9, "{line}");
+    }
+}
+
+#[test]
+fn a_pipeline_of_many_operators_is_measured_with_and_without_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let reported = reported(folder.path(), &["scale", "--operators", "4,12", "--quick", "--json"]);
+    for (line, (operators, processes)) in reported.as_array().unwrap().iter().zip([(4, 2), (12, 3)]) {
+        assert_eq!(
+            (&line["operators"], &line["processes"]),
+            (&operators.into(), &processes.into()),
+            "{line}"
+        );
+        for positive in ["start_s", "memory_bytes", "cpu_percent", "top_cpu_s"] {
+            assert!(line[positive].as_f64().unwrap() > 0.0, "{positive}: {line}");
+        }
+        let recorded = &line["recorded"];
+        for hop in [&line["hop_us"], &line["hop_with_top_us"], &recorded["hop_us"]] {
+            assert!(hop["count"].as_u64().unwrap() > 5 && hop["p50"].as_f64().unwrap() > 0.0, "{line}");
+        }
+        assert!(recorded["recorder_cpu_percent"].as_f64().unwrap() > 0.0, "{line}");
+        assert!(recorded["recorder_memory_bytes"].as_u64().unwrap() > 0, "{line}");
+    }
 }

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use stillpoint_arguments::Router;
-use stillpoint_remote::{Router as Session, Tls};
+use stillpoint_remote::{Roster, Router as Session, Tls};
 
 use super::exchange::{Ending, PREFIX, ended};
 use super::tls::load;
 use crate::error::BridgeError;
+use crate::metrics::{self, Served};
 
-/// How often the files of the certificate are looked at.
+/// How often the files of the certificate are looked at, and figures are made.
 const LOOK: Duration = Duration::from_millis(250);
 
 /// Executes the subcommand.
@@ -21,7 +22,14 @@ pub fn execute(arguments: Router) -> ExitCode {
 
 fn try_execute(arguments: Router) -> Result<(), BridgeError> {
     let ending = Ending::watch()?;
-    Hub::open(arguments.listen, load(&arguments.tls)?)?.run(&ending);
+    let served = arguments.metrics.map(Served::at).transpose()?;
+    let roster = served.is_some().then(Arc::<Roster>::default);
+    let hub = Hub::open(arguments.listen, load(&arguments.tls)?, roster.clone())?;
+    hub.run(&ending, || {
+        if let (Some(served), Some(roster)) = (&served, &roster) {
+            served.update(|| metrics::of_router(&roster.members()));
+        }
+    });
     Ok(())
 }
 
@@ -31,15 +39,20 @@ pub struct Hub {
     router: Session,
     listen: Vec<String>,
     tls: Option<Arc<Tls>>,
+    roster: Option<Arc<Roster>>,
     reported: Option<String>,
 }
 
 impl Hub {
-    /// Listens.
-    pub fn open(listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, BridgeError> {
-        let router = Session::open(PREFIX, listen.clone(), tls.clone())?;
+    /// Listens. A roster takes the greetings of those who are connected.
+    pub fn open(
+        listen: Vec<String>,
+        tls: Option<Arc<Tls>>,
+        roster: Option<Arc<Roster>>,
+    ) -> Result<Self, BridgeError> {
+        let router = Session::with_roster(PREFIX, listen.clone(), tls.clone(), roster.as_ref())?;
         eprintln!("stillpoint-bridge: the router listens at {}", listen.join(", "));
-        Ok(Self { router, listen, tls, reported: None })
+        Ok(Self { router, listen, tls, roster, reported: None })
     }
 
     /// Opens itself anew if there is a new certificate.
@@ -48,7 +61,7 @@ impl Hub {
             None | Some(Ok(None)) => return,
             Some(Ok(Some(tls))) => {
                 self.router.close();
-                match Self::open(self.listen.clone(), Some(Arc::new(tls))) {
+                match Self::open(self.listen.clone(), Some(Arc::new(tls)), self.roster.clone()) {
                     Ok(hub) => {
                         *self = hub;
                         eprintln!("stillpoint-bridge: the router has a new certificate");
@@ -66,11 +79,12 @@ impl Hub {
         }
     }
 
-    /// Looks for new certificates until the program is to end.
-    pub fn run(mut self, ending: &Ending) {
+    /// Looks for new certificates until the program is to end, and calls `each` with each look.
+    pub fn run(mut self, ending: &Ending, each: impl Fn()) {
         while !ending.is_time() {
             std::thread::sleep(LOOK);
             self.renew();
+            each();
         }
         self.router.close();
     }

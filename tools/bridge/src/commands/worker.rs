@@ -15,6 +15,7 @@ use super::exchange::{Ending, ended, open};
 use super::router::Hub;
 use super::tls::{Use, allow, load};
 use crate::error::BridgeError;
+use crate::metrics::{Exchanged, Served, of_worker};
 
 /// How the names of workers begin: access lists know workers by it.
 const NAMES: &str = "worker-";
@@ -43,7 +44,7 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     let tls = load(&arguments.tls)?;
     allow(tls.as_deref(), &Use::Compute)?;
     let hub = match &arguments.listen {
-        Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone())?),
+        Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone(), None)?),
         None => None,
     };
     let endpoint = match (&arguments.connect, &arguments.listen) {
@@ -56,14 +57,22 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     let end_of_hub = Ending::unsignalled();
     let hub = hub.map(|hub| {
         let ending = end_of_hub.clone();
-        std::thread::spawn(move || hub.run(&ending))
+        std::thread::spawn(move || hub.run(&ending, || ()))
     });
+    let served = arguments.metrics.map(Served::at).transpose()?;
     let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_time())? else { return Ok(()) };
     println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
     let most_open = arguments.memory_mb.saturating_mul(1_000_000);
     let settings = WorkerSettings { build, incarnation: born, slots, most_open };
-    let worker = Serving { slots, grace: Duration::from_secs_f64(arguments.grace), wrong_from: arguments.wrong_from };
-    serve(State::new(settings, store), Arc::new(mailbox), &worker, &ending);
+    let update = |state: &State, mailbox: &Mailbox, exchanged: &mut Exchanged| {
+        if let Some(served) = &served {
+            exchanged.lost = mailbox.lost();
+            served.update(|| of_worker(&name, state, exchanged));
+        }
+    };
+    let serving =
+        Serving { slots, grace: Duration::from_secs_f64(arguments.grace), wrong_from: arguments.wrong_from };
+    serve(State::new(settings, store), Arc::new(mailbox), &serving, &ending, update);
     end_of_hub.now();
     if let Some(hub) = hub {
         let _ = hub.join();
@@ -84,8 +93,15 @@ struct Serving {
     wrong_from: Option<u64>,
 }
 
-fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &Ending) {
+fn serve(
+    mut state: State,
+    mailbox: Arc<Mailbox>,
+    serving: &Serving,
+    ending: &Ending,
+    update: impl Fn(&State, &Mailbox, &mut Exchanged),
+) {
     let &Serving { slots, grace, wrong_from } = serving;
+    let mut exchanged = Exchanged::default();
     let (happens, happened) = channel();
     let (jobs, queue) = channel();
     let queue = Arc::new(Mutex::new(queue));
@@ -111,7 +127,10 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &En
         match drains_since {
             Some(_) if ending.take() => return,
             Some(since) if now.saturating_sub(since) >= grace => {
-                eprintln!("stillpoint-bridge: {:.1} s of grace are over: calls that are not finished are lost", grace.as_secs_f64());
+                eprintln!(
+                    "stillpoint-bridge: {:.1} s of grace are over: calls that are not finished are lost",
+                    grace.as_secs_f64()
+                );
                 return;
             }
             Some(_) if state.is_drained(now.as_nanos() as u64) => return,
@@ -119,7 +138,9 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &En
                 drains_since = Some(now);
                 state.drain();
                 let running = state.hello().running;
-                println!("ending: {running} calls are finished first, others go back; a second signal ends at once");
+                println!(
+                    "ending: {running} calls are finished first, others go back; a second signal ends at once"
+                );
             }
             _ => {}
         }
@@ -127,6 +148,7 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &En
         for one in first.into_iter().chain(happened.try_iter()) {
             match one {
                 Happened::Message(from, bytes) => {
+                    exchanged.receive(&from, bytes.len());
                     state.handle(begun.elapsed().as_nanos() as u64, &from, &bytes)
                 }
                 Happened::Result(key, result) => {
@@ -147,8 +169,11 @@ fn serve(mut state: State, mailbox: Arc<Mailbox>, serving: &Serving, ending: &En
                 To::All => None,
                 To::One(name) => Some(name.as_str()),
             };
-            mailbox.send(to, message.to_bytes());
+            let bytes = message.to_bytes();
+            exchanged.send(bytes.len());
+            mailbox.send(to, bytes);
         }
+        update(&state, &mailbox, &mut exchanged);
     }
 }
 

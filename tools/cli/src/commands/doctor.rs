@@ -1,6 +1,7 @@
 //! `stillpoint doctor`
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
@@ -12,20 +13,23 @@ use super::bridge;
 use super::hz::watched;
 use crate::attach::Which;
 use crate::doctor::settings::Kernel;
-use crate::doctor::{Finding, Verdict, limits, wakeup};
+use crate::doctor::{Finding, Verdict, latency, limits, wakeup};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::PipelineFile;
 
-/// Measure whether this machine will hold a pipeline: priority, wake-ups, clocks, cores, shared memory, limits, ports.
+/// Measure whether this machine will hold a pipeline: priority, wake-ups, clocks, cores, shared memory, limits, disk, ports.
 ///
 /// Exit codes: 0 all is well; 1 a setting is not known, or could be better; 2 the pipeline will not hold.
 #[derive(Args)]
 pub struct Doctor {
     #[command(flatten)]
     pipeline: PipelineFile,
-    /// How long wake-ups are measured.
+    /// How long wake-ups are measured: by this program, then by `cyclictest` and `rtla` where they are installed.
     #[arg(long = "for", value_name = "TIME", default_value = "10s")]
     time: String,
+    /// Folder in which sessions are to be recorded.
+    #[arg(long, value_name = "FOLDER", default_value = "sessions")]
+    record: PathBuf,
     /// Remove what dead runs left.
     #[arg(long)]
     clean: bool,
@@ -57,10 +61,12 @@ impl Doctor {
         // The ends of links poll; they hold no period.
         let shortest = graph.operators.iter().filter(|o| o.far_end.is_none()).filter_map(|o| o.every).min();
         findings.extend(wakeup::measure(time).findings(shortest));
+        findings.extend(latency::measure(time, asked, shortest));
         findings.push(limits::cores(graph));
         findings.extend(Kernel::here().findings(&bound, asked.is_some()));
         findings.push(limits::shared_memory(graph));
         findings.push(limits::open_files(graph));
+        findings.push(limits::disk(&self.record));
         // The ports of a run that is going on are its own.
         if runs.is_empty() {
             findings.extend(limits::ports(graph));

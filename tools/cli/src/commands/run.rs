@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use stillpoint_http::{Metrics, MetricsError};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::{Machine, quantity};
 use stillpoint_pipeline::files::Snapshot;
@@ -14,7 +15,6 @@ use stillpoint_recorder::Session;
 
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::metrics::Metrics;
 use crate::pipeline_file::{Checked, PipelineFile};
 use crate::program::launch;
 use crate::rerun::add_metadata;
@@ -211,7 +211,10 @@ impl Run {
         };
         let mut line = StatusLine::new(registry, !self.json);
         if let Some(address) = self.metrics {
-            let (metrics, bound) = Metrics::serve(address)?;
+            let (metrics, bound) = Metrics::serve(address).map_err(|e| match e {
+                MetricsError::Address { .. } => Failure::wrong(e),
+                MetricsError::Thread(_) => Failure::failed(e),
+            })?;
             errln!("stillpoint: metrics at http://{bound}/metrics");
             line = line.with_metrics(metrics, &checked.graph.name);
         }

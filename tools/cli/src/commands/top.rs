@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -20,6 +21,7 @@ use crate::journals::LOOK;
 use crate::number::Angles;
 use crate::screen;
 use crate::settings::Values;
+use crate::signals::stop_flag;
 use crate::subject::{Of, Subject};
 use crate::tap::Tap;
 use crate::top::{Panel, Snapshot, View, Watch, draw, plain};
@@ -214,10 +216,15 @@ fn screen_of(source: &mut Source<'_>) -> Ended {
 
 /// True if the run has ended.
 fn keep_showing(source: &mut Source<'_>, terminal: &mut ratatui::DefaultTerminal) -> Result<bool, Failure> {
+    // A terminal that closes, too, ends the screen in order: its ports are given back.
+    let stop = stop_flag()?;
     let mut view = View::default();
     let mut snapshot = source.snapshot()?;
     let (mut drawn, mut opened, mut taps) = (None::<Instant>, None::<String>, Vec::new());
     loop {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
         if source.is_over() {
             return Ok(true);
         }

@@ -7,10 +7,11 @@ use clap::Args;
 use serde_json::json;
 use stillpoint_operator::Registry;
 use stillpoint_report::pipeline_of;
-use stillpoint_report::trace::{Blame, Journals, Laps, PathFigures, Trace, as_run, laps, perfetto};
+use stillpoint_report::trace::{Blame, Journals, Laps, Operator, PathFigures, Trace, as_run, laps, perfetto};
 
 use super::hz::watched;
 use crate::columns::{Columns, Side};
+use crate::delays::{Delay, Delays};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::journals::JournalTaps;
 use crate::private;
@@ -53,19 +54,28 @@ impl TracePaths {
             Subject::Session(_, session) => {
                 // A pipeline that this build does not know leaves processes and links unknown.
                 let graph = pipeline_of(session, registry).ok().map(|(graph, _)| as_run(&graph, session));
-                self.show(&subject, &Journals::of_session(session, graph.as_ref()), &laps(session))
+                self.show(&subject, &Journals::of_session(session, graph.as_ref()), &laps(session), None)
             }
             Subject::Run(attached) => {
                 let time = watched(&self.time)?;
                 let mut entries = vec![Vec::new(); attached.graph.operators.len()];
                 let taps = JournalTaps::open(attached, |_| true)?;
+                let before = Delays::now(attached.pid);
                 taps.watch(attached, time, &mut |operator, entry| entries[operator].push(entry))?;
-                self.show(&subject, &Journals::of_run(&attached.graph, &entries), &Laps::new())
+                let delays = Delays::now(attached.pid).since(&before);
+                let journals = Journals::of_run(&attached.graph, &entries);
+                self.show(&subject, &journals, &Laps::new(), Some(&delays))
             }
         }
     }
 
-    fn show(&self, subject: &Subject, journals: &Journals<'_>, laps: &Laps) -> Ended {
+    fn show(
+        &self,
+        subject: &Subject,
+        journals: &Journals<'_>,
+        laps: &Laps,
+        delays: Option<&[Delay]>,
+    ) -> Ended {
         let fits = |asked: &Option<String>, name: &str| asked.as_ref().is_none_or(|asked| asked == name);
         let of_operator = |name: &str| name.split('.').next().unwrap_or_default().to_owned();
         let trace = Trace::of(journals, |from, to| {
@@ -88,7 +98,9 @@ impl TracePaths {
             })?;
         }
         if self.json {
-            print_json(&json!({ "of": subject.of(), "paths": trace.paths, "more_paths": trace.more_paths }))?;
+            print_json(&json!({
+                "of": subject.of(), "paths": trace.paths, "more_paths": trace.more_paths, "processes": delays,
+            }))?;
             return Ok(Exit::Done);
         }
         let with = trace.paths.iter().filter(|p| p.arrived > 0).count();
@@ -107,6 +119,13 @@ impl TracePaths {
             )));
         };
         print_path(chosen, path);
+        let of_path = |process: &str| {
+            let is_at = |o: &&Operator| o.process == process && path.operators.contains(&o.stage.name);
+            journals.operators.iter().any(|o| is_at(&o))
+        };
+        for delay in delays.unwrap_or_default().iter().filter(|d| of_path(&d.process)) {
+            outln!("  {delay}");
+        }
         if listed.len() < with {
             outln!("and {} more paths (--all lists them)", with - listed.len());
         }

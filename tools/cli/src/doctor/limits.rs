@@ -1,6 +1,7 @@
 //! Limits of the user, shared memory, ports, and what dead runs left.
 
 use std::net::UdpSocket;
+use std::path::Path;
 
 use rustix::process::{Resource, getrlimit};
 use stillpoint_pipeline::graph::{Graph, Priority, Wire};
@@ -9,6 +10,10 @@ use stillpoint_pipeline::live::run_folder::{self, RunState};
 
 use super::finding::Finding;
 
+/// Free space on the disk of sessions that is enough for some minutes.
+const AMPLE: u64 = 1 << 30;
+/// Free space below which a recording fails soon.
+const SCARCE: u64 = 64 << 20;
 /// The folder of shared memory.
 const SHARED: &str = "/dev/shm";
 
@@ -36,6 +41,26 @@ pub fn shared_memory(graph: &Graph) -> Finding {
                 Finding::bad(setting, requested, format!("{} free", mib(free)), mend)
             }
         }
+    }
+}
+
+/// Room for sessions in a folder, which a run may create.
+pub fn disk(folder: &Path) -> Finding {
+    let (setting, requested) = ("disk of sessions", format!("{} free", mib(AMPLE)));
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let found = folder.ancestors().find_map(|there| rustix::fs::statvfs(there).ok());
+    let Some(room) = found else {
+        return Finding::unknown(setting, requested, format!("{} is not a folder", folder.display()));
+    };
+    let free = room.f_bavail.saturating_mul(room.f_frsize);
+    let found = format!("{} free for {}", mib(free), folder.display());
+    let mend = "make room, or record in another folder (`run --record FOLDER`)";
+    if free >= AMPLE {
+        Finding::good(setting, requested, found)
+    } else if free >= SCARCE {
+        Finding::bad(setting, requested, found, mend).lasting().hint()
+    } else {
+        Finding::bad(setting, requested, found, mend).lasting()
     }
 }
 

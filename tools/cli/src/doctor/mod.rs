@@ -4,8 +4,10 @@
 //! - `settings`: settings of the kernel, read from `/proc` and `/sys`
 //! - `limits`: limits of the user, shared memory, ports, and what dead runs left
 //! - `wakeup`: how late a thread wakes, and how far the clocks drift apart
+//! - `latency`: the same by the tools of real-time Linux, where they are installed
 
 mod finding;
+pub mod latency;
 pub mod limits;
 pub mod settings;
 pub mod wakeup;

@@ -12,6 +12,8 @@ use super::snapshot::Snapshot;
 const MUCH: f64 = 0.05;
 /// Free space below which a disk is nearly full.
 const LITTLE: u64 = 1 << 30;
+/// Free space below which nothing more is recorded.
+const NOTHING: u64 = 1 << 20;
 /// Activations that hold the same sample, from which on its topic has stopped.
 const HELD: u64 = 10;
 /// The share of the time without a core from which on a process is starved, per cent.
@@ -66,8 +68,16 @@ pub fn of(snapshot: &Snapshot, graph: &Graph, journals: &Journals<'_>) -> Vec<St
     found.extend(broken.map(|contract| format!("contract broken: {contract}")));
     found.extend(stopped(snapshot, graph, journals));
     found.extend(held(snapshot));
-    if let Some(free) = snapshot.recorder.as_ref().and_then(|r| r.free_bytes).filter(|free| *free < LITTLE) {
-        found.push(format!("the disk of the session has {:.2} GB free", free as f64 * 1e-9));
+    match snapshot.recorder.as_ref().and_then(|r| r.free_bytes) {
+        Some(free) if free < NOTHING => {
+            found.push(
+                "the disk of the session is full, and samples are lost to it: make room on it".to_owned(),
+            );
+        }
+        Some(free) if free < LITTLE => {
+            found.push(format!("the disk of the session has {:.2} GB free", free as f64 * 1e-9));
+        }
+        _ => {}
     }
     if let Some(jump) = snapshot.clock_set_s.filter(|jump| jump.abs() > CLOCK_JUMP) {
         found.push(format!(

@@ -7,13 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use serde_json::json;
+use stillpoint_http::{Request, head, respond};
 use stillpoint_pipeline::limits::start_thread;
 
 use super::commands::{CommandError, Commands};
 use super::picture::Given;
 use super::served::Served;
 use crate::exit::Failure;
-use crate::http::{Request, head, respond};
 
 /// What a browser loads: path, type, text.
 const FILES: [(&str, &str, &str); 7] = [

@@ -162,7 +162,7 @@ impl Worker {
         let (failed, rest): (Vec<_>, Vec<_>) = self.waiting.drain(..).partition(has_it);
         self.waiting = rest.into();
         for Waiting { key, askers, .. } in failed {
-            self.report(&askers, Message::Failed { key, reason: reason.to_owned() });
+            self.fail(&askers, key, reason.to_owned());
         }
     }
 

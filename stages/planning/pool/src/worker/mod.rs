@@ -48,7 +48,7 @@ pub struct Worker {
     /// Other workers that gave something else than was asked for: nothing is fetched from them any more.
     doubtful: BTreeSet<String>,
     out: Vec<(To, Message)>,
-    counts: Counts,
+    counts: WorkerCounts,
     next_hello: u64,
     draining: bool,
     /// When it last gave an answer or a part of a content, ns.
@@ -57,10 +57,19 @@ pub struct Worker {
     gives: bool,
 }
 
-#[derive(Default)]
-struct Counts {
-    answered: u64,
-    known: u64,
+/// What a worker has done since it began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorkerCounts {
+    /// Calls that were answered.
+    pub answered: u64,
+    /// Those of them whose answer was in the cache.
+    pub known: u64,
+    /// Calls that failed.
+    pub failed: u64,
+    /// Calls that were not taken: another build, or not written as a call.
+    pub refused: u64,
+    /// Calls for which there was no room; who asks may ask again.
+    pub busy: u64,
 }
 
 struct Waiting {
@@ -90,7 +99,7 @@ impl Worker {
             fetch: None,
             doubtful: BTreeSet::new(),
             out: Vec::new(),
-            counts: Counts::default(),
+            counts: WorkerCounts::default(),
             next_hello: 0,
             draining: false,
             gave: None,
@@ -165,6 +174,11 @@ impl Worker {
         }
     }
 
+    /// What it has done.
+    pub fn counts(&self) -> WorkerCounts {
+        self.counts
+    }
+
     /// Messages to send.
     pub fn take_messages(&mut self) -> Vec<(To, Message)> {
         std::mem::take(&mut self.out)
@@ -182,7 +196,7 @@ impl Worker {
                     self.running.insert(key, askers);
                     return Some(Job { key, ready });
                 }
-                Err(error) => self.report(&askers, Message::Failed { key, reason: error.to_string() }),
+                Err(error) => self.fail(&askers, key, error.to_string()),
             }
         }
         None
@@ -202,19 +216,18 @@ impl Worker {
                 self.gives = true;
                 self.report(&askers, answer_message(key, answer, bytes));
             }
-            Err(error) => self.report(&askers, Message::Failed { key, reason: error.to_string() }),
+            Err(error) => self.fail(&askers, key, error.to_string()),
         }
     }
 
     fn ask(&mut self, from: &str, key: Hash, bytes: &[u8]) {
-        let refuse = |reason: String| vec![(To::one(from), Message::Failed { key, reason })];
         let call = match Call::from_bytes(bytes) {
             Ok(call) => call,
-            Err(e) => return self.out.extend(refuse(format!("the call cannot be read: {e}"))),
+            Err(e) => return self.refuse(from, key, format!("the call cannot be read: {e}")),
         };
         if Call::key_of(bytes, &self.settings.build) != key {
             let reason = format!("this worker has another build: {}", self.settings.build.text());
-            return self.out.extend(refuse(reason));
+            return self.refuse(from, key, reason);
         }
         if let Some(answer) = self.answers.get(&key).copied() {
             if let Ok(file) = self.store.read(&answer) {
@@ -235,7 +248,10 @@ impl Worker {
                 }
                 Message::Working { key }
             }
-            None if is_full => Message::Busy { key },
+            None if is_full => {
+                self.counts.busy += 1;
+                Message::Busy { key }
+            }
             None => {
                 let held: Vec<Hash> =
                     call.inputs().into_iter().filter(|hash| self.store.holds(hash)).collect();
@@ -257,6 +273,16 @@ impl Worker {
         if let Some(askers) = self.running.get_mut(key) {
             askers.retain(|asker| asker != from);
         }
+    }
+
+    fn refuse(&mut self, from: &str, key: Hash, reason: String) {
+        self.counts.refused += 1;
+        self.out.push((To::one(from), Message::Failed { key, reason }));
+    }
+
+    fn fail(&mut self, askers: &[String], key: Hash, reason: String) {
+        self.counts.failed += 1;
+        self.report(askers, Message::Failed { key, reason });
     }
 
     fn report(&mut self, askers: &[String], message: Message) {

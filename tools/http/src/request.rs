@@ -1,4 +1,4 @@
-//! The few words of HTTP that `run --metrics` and `view` speak.
+//! A request of HTTP, and its answer.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -30,6 +30,9 @@ pub struct Request {
 
 impl Request {
     /// Reads a request with its body.
+    ///
+    /// # Errors
+    /// The client is gone, or takes longer than two seconds.
     pub fn read(client: &mut TcpStream) -> std::io::Result<Self> {
         client.set_read_timeout(Some(PATIENCE))?;
         client.set_write_timeout(Some(PATIENCE))?;
@@ -94,12 +97,18 @@ fn line(head: &str, name: &str) -> Option<String> {
 }
 
 /// Answers with a whole body.
+///
+/// # Errors
+/// The client is gone.
 pub fn respond(client: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> std::io::Result<()> {
     head(client, status, kind, &format!("Content-Length: {}\r\n", body.len()))?;
     client.write_all(body)
 }
 
 /// Begins an answer; `more` are further lines of its head.
+///
+/// # Errors
+/// The client is gone.
 pub fn head(client: &mut TcpStream, status: &str, kind: &str, more: &str) -> std::io::Result<()> {
     write!(
         client,
