@@ -8,6 +8,7 @@ mod browser;
 mod case;
 mod delivered;
 mod export;
+mod first_hour;
 mod identified;
 mod identity;
 mod loops;
