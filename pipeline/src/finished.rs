@@ -32,19 +32,30 @@ impl Finished {
     /// Whether no operator can send any more: each has finished, or all its producers are over. A source is over only
     /// when it says so; a cycle is never over.
     pub fn is_all(&self, graph: &Graph) -> bool {
-        let mut over = self.message.clone();
-        loop {
-            let next = graph.operators.iter().enumerate().find(|(number, node)| {
-                let mut producers = node.fed().map(|(_, edge)| edge.operator).peekable();
-                !over[*number]
-                    && node.stage.kind.role == Role::Operator
-                    && producers.peek().is_some()
-                    && producers.all(|producer| over[producer])
-            });
-            match next {
-                Some((number, _)) => over[number] = true,
-                None => return !over.is_empty() && over.iter().all(|o| *o),
-            }
+        all_over(graph, self.message.clone())
+    }
+}
+
+impl Graph {
+    /// Whether a run ends by itself, as far as parameters say: each source finishes, and so all else is over.
+    pub fn ends_by_itself(&self) -> bool {
+        all_over(self, self.operators.iter().map(|node| (node.stage.finishes)(&node.params)).collect())
+    }
+}
+
+/// Whether all operators are over where these have finished.
+fn all_over(graph: &Graph, mut over: Vec<bool>) -> bool {
+    loop {
+        let next = graph.operators.iter().enumerate().find(|(number, node)| {
+            let mut producers = node.fed().map(|(_, edge)| edge.operator).peekable();
+            !over[*number]
+                && node.stage.kind.role == Role::Operator
+                && producers.peek().is_some()
+                && producers.all(|producer| over[producer])
+        });
+        match next {
+            Some((number, _)) => over[number] = true,
+            None => return !over.is_empty() && over.iter().all(|o| *o),
         }
     }
 }

@@ -87,6 +87,12 @@ pub trait Operator: Sized + Send + 'static {
         Vec::new()
     }
 
+    /// Whether a source finishes by itself ([`Outputs::finish`]) with these parameters, as one that reads files and stops at
+    /// the last does. A simulated run of which all sources do needs no length.
+    fn finishes(_params: &Self::Params) -> bool {
+        false
+    }
+
     /// Takes parameters of which only live ones differ from those that it has: `validate` has taken them. It happens between
     /// two steps and must leave the state as it is where it refuses.
     ///

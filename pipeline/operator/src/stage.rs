@@ -58,6 +58,8 @@ pub struct Stage {
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// The topics of ROS 2 that a source takes.
     pub subscriptions: fn(&CheckedParams) -> Vec<Subscription>,
+    /// Whether a source finishes by itself.
+    pub finishes: fn(&CheckedParams) -> bool,
     /// Makes the operator.
     pub build: Build,
 }
@@ -163,6 +165,7 @@ impl Stage {
             subscriptions: |checked| {
                 typed::<T>(&checked.value).map(|p| T::subscriptions(&p)).unwrap_or_default()
             },
+            finishes: |checked| typed::<T>(&checked.value).is_some_and(|p| T::finishes(&p)),
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {
                     SetupError(format!(

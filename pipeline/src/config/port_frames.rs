@@ -7,6 +7,9 @@ use super::source::Span;
 use super::wiring::Wired;
 use crate::operator::FrameRule;
 
+/// The frame that usually has no parent.
+const COUCH: &str = "couch";
+
 /// Frames of all outputs, by operator and port.
 pub struct PortFrames {
     outputs: Vec<Vec<Option<String>>>,
@@ -56,7 +59,14 @@ fn keys(document: &Document<'_>, number: usize, wired: &Wired, findings: &Findin
             Code::UnknownFrame,
             format!("there is no frame {}", shown(&frame.value)),
             match names.is_empty() {
-                true => format!("add it to `frames`: `{}: {{ parent: couch, at: [...] }}`", frame.value),
+                // It is known as soon as another one is placed in it.
+                true if frame.value == COUCH => format!(
+                    "place a frame in it: `frames: {{ camera: {{ parent: {COUCH}, at: [0 mm, 0 mm, 500 mm] }} }}`"
+                ),
+                true => format!(
+                    "add it: `frames: {{ {}: {{ parent: {COUCH}, at: [0 mm, 0 mm, 500 mm] }} }}`",
+                    frame.value
+                ),
                 false => suggestion(&frame.value, names.iter().copied(), "frames", findings),
             },
         );

@@ -25,6 +25,9 @@ pub enum Parsed {
 
 /// Reads the section.
 pub fn read(node: &Node, findings: &Findings) -> Option<Parsed> {
+    if let Value::List(items) = &node.value {
+        return bare(node, items, findings);
+    }
     let entries = node.map("`record`", "{ topics: sources }", findings)?;
     let keys = Keys::of(entries, KEYS, "`record`", findings);
     let Some(entry) = keys.get("topics") else {
@@ -54,4 +57,22 @@ pub fn read(node: &Node, findings: &Findings) -> Option<Parsed> {
             Some(Parsed::Topics(items.iter().filter_map(|i| topic(i, findings)).collect()))
         }
     }
+}
+
+/// A list without its key. Its topics are still read, so that their faults come to light in the same pass.
+fn bare(node: &Node, items: &[Node], findings: &Findings) -> Option<Parsed> {
+    let names: Vec<&str> = items
+        .iter()
+        .filter_map(|item| match &item.value {
+            Value::Text(text) => Some(text.as_str()),
+            _ => None,
+        })
+        .collect();
+    let help = match names.len() == items.len() && !items.is_empty() {
+        true => format!("write `record: {{ topics: [{}] }}`", names.join(", ")),
+        false => "write `record: { topics: [OPERATOR.OUTPUT] }`".to_owned(),
+    };
+    let message = "`record` is a list, but must be a mapping with the key `topics`";
+    findings.say(node.span, Code::WrongShape, message, help);
+    Some(Parsed::Topics(items.iter().filter_map(|item| topic(item, findings)).collect()))
 }

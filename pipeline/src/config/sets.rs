@@ -1,5 +1,6 @@
 //! `--set operator.param=value`: what the command line puts in the place of what the file says. `operator.use`,
-//! `operator.every` and other keys of an operator, and `operator.inputs.INPUT`, are set in the same way.
+//! `operator.every` and other keys of an operator, and `operator.inputs.INPUT`, are set in the same way, and so are parts
+//! of other sections, such as `links.valves.datagram.delay`, or the whole of them, such as `contracts`.
 
 use super::document;
 use super::faults::{Code, Findings};
@@ -8,6 +9,9 @@ use super::operators;
 use super::source::{Marked, Span};
 use super::tree::{Entry, Node, Value};
 use super::yaml;
+
+/// Sections that arguments reach by their names, where no operator has that name.
+const SECTIONS: &[&str] = &["frames", "links", "processes", "record", "contracts"];
 
 /// What arguments say of the pipeline as a whole.
 #[derive(Default)]
@@ -62,7 +66,12 @@ pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Whole {
 fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) {
     let steps = steps(path, all);
     let [operator, rest @ ..] = steps.as_slice() else { return };
-    if rest.is_empty() || steps.iter().any(|s| s.value.is_empty()) {
+    let is_named = steps.iter().all(|step| !step.value.is_empty());
+    if is_named && SECTIONS.contains(&operator.value.as_str()) && !has_operator(root, &operator.value) {
+        put_under(root, &of_section(&steps), node, findings);
+        return;
+    }
+    if rest.is_empty() || !is_named {
         let message = format!("{} names no parameter", shown(path));
         findings.say(all.first(path.len()), Code::Set, message, "write `--set operator.param=value`");
         return;
@@ -77,7 +86,25 @@ fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) 
         let Some(params) = child(at, &Marked::new("params".into(), operator.span), findings) else { return };
         at = params;
     }
-    let Some((last, groups)) = rest.split_last() else { return };
+    put_under(at, rest, node, findings);
+}
+
+/// The keys of a section by the steps of a path: a link has the name of its topic, with a dot.
+fn of_section(steps: &[Marked<String>]) -> Vec<Marked<String>> {
+    match steps {
+        [section, operator, port, rest @ ..] if section.value == "links" => {
+            let topic = format!("{}.{}", operator.value, port.value);
+            let span = Span { end: port.span.end, ..operator.span };
+            [&[section.clone(), Marked::new(topic, span)], rest].concat()
+        }
+        _ => steps.to_vec(),
+    }
+}
+
+/// Puts a value at a path of keys, and makes the mappings that are not there.
+fn put_under(root: &mut Node, path: &[Marked<String>], node: Node, findings: &Findings) {
+    let Some((last, groups)) = path.split_last() else { return };
+    let mut at = root;
     for group in groups {
         match child(at, group, findings) {
             Some(next) => at = next,
@@ -102,6 +129,10 @@ fn steps(path: &str, all: Span) -> Vec<Marked<String>> {
             Marked::new(step.to_owned(), span)
         })
         .collect()
+}
+
+fn has_operator(root: &Node, name: &str) -> bool {
+    root.get("operators").is_some_and(|operators| operators.get(name).is_some())
 }
 
 fn find_operator<'t>(root: &'t mut Node, name: &Marked<String>, findings: &Findings) -> Option<&'t mut Node> {

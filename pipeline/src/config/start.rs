@@ -10,7 +10,7 @@ use super::tree::{Node, Value};
 use crate::graph::{Graph, OperatorNode};
 use crate::instance::build_step;
 use crate::operator::Files;
-use crate::outside::Outside;
+use crate::outside::{Arrivals, Outside};
 use crate::stdout::StdoutRedirect;
 
 /// Where the values of an operator are in the text.
@@ -47,7 +47,7 @@ pub fn check(graph: &Graph, places: &[Places], files: &dyn Files, findings: &Fin
     // What an operator prints when it is made does not belong to the output of the command.
     let _aside = StdoutRedirect::to_stderr();
     for node in &graph.operators {
-        let Err(reason) = build_step(graph, node, files, Outside::default()) else { continue };
+        let Err(reason) = build_step(graph, node, files, outside(node)) else { continue };
         let reason = reason.to_string();
         let message = format!("`{}` ({}) cannot start: {reason}", node.name, node.stage.kind.name);
         let of = places.iter().find(|places| places.operator == node.name);
@@ -62,6 +62,12 @@ pub fn check(graph: &Graph, places: &[Places], files: &dyn Files, findings: &Fin
             }
         }
     }
+}
+
+/// What reaches an operator. One that takes messages of ROS 2 and names no recording runs live alone, and starts as it does there.
+fn outside(node: &OperatorNode) -> Outside {
+    let is_live_alone = !node.subscriptions.is_empty() && node.files.is_empty();
+    Outside { arrivals: is_live_alone.then(|| Arrivals::at_most(1)), ..Outside::default() }
 }
 
 /// The value that names the file of which a reason speaks.

@@ -7,7 +7,9 @@ use stillpoint_operator::config::tree::{Node, Value};
 use stillpoint_operator::config::yaml::parse;
 use stillpoint_pipeline::config::reference::reference;
 use stillpoint_pipeline::config::schema::schema;
+use stillpoint_pipeline::config::{Code, check};
 
+use crate::disk::Disk;
 use crate::good::FILES;
 use crate::kinds::registry;
 
@@ -186,4 +188,59 @@ fn defaults_and_ranges_stand_in_the_schema() {
     assert_eq!(params["iterations"]["default"], 500);
     assert_eq!(params["iterations"]["maximum"], 100_000);
     assert_eq!(params["crop"]["default"], true);
+}
+
+/// Files whose fault of such a code a schema cannot see, with the reason.
+const BEYOND_THE_SCHEMA: &[(&str, &str)] = &[
+    ("hosts_none_connects", "which host reaches which"),
+    ("hosts_nothing", "one of several keys is needed"),
+    ("link_without_address", "the section `hosts` decides whether a link needs an address"),
+    ("operators_empty", "an empty mapping is a mapping"),
+    ("process_reserved", "names that a run gives to its own processes"),
+    ("ros2_missing", "an operator needs another section"),
+    ("ros2_nothing", "an operator or a publication gives the section a use"),
+    ("ros2_tf", "a name that `frames` has already"),
+    ("start_within", "the kind decides whether it has a timer"),
+];
+
+#[test]
+fn the_schema_refuses_broken_files_whose_fault_is_in_one_place() {
+    let schema = schema(&registry());
+    let seen_by_editors = [
+        Code::UnknownKey,
+        Code::MissingKey,
+        Code::WrongShape,
+        Code::MissingUnit,
+        Code::WrongUnit,
+        Code::UnknownUnit,
+        Code::UnknownKind,
+        Code::UnknownChoice,
+        Code::NotANumber,
+        Code::BadName,
+        Code::TimerMissing,
+        Code::TimerForbidden,
+        Code::MissingParam,
+    ];
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/broken");
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "yaml"));
+    files.sort();
+    let (mut refused, mut accepted) = (0, Vec::new());
+    for path in files {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let Some(faults) = check(&text, &name, &[], &registry(), &Disk).err() else { continue };
+        let findings = Findings::default();
+        let Some(root) = parse(&text, 0, 0, &findings).filter(|_| findings.is_empty()) else { continue };
+        if !faults.list().iter().any(|fault| seen_by_editors.contains(&fault.code)) {
+            continue;
+        }
+        match misfits(&schema, &schema, &as_json(&root), &name).is_empty() {
+            true => accepted.push(name),
+            false => refused += 1,
+        }
+    }
+    let expected: Vec<&str> = BEYOND_THE_SCHEMA.iter().map(|(name, _)| *name).collect();
+    assert_eq!(accepted, expected);
+    assert!(refused >= 60, "{refused}");
 }

@@ -1,7 +1,7 @@
 //! `--set operator.param=value` replaces what the file says, and is checked like it.
 
 use stillpoint_pipeline::config::{Faults, check};
-use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::graph::{Graph, Record};
 
 use crate::disk::Disk;
 use crate::good::FILES;
@@ -79,5 +79,44 @@ fn a_faulty_set_is_refused_at_the_argument() {
         assert_eq!((fault.message.as_str(), fault.help.as_str()), (message, help), "{set}");
         assert!(faults.to_string().starts_with(&format!("--set `{set}`: {message}")), "{faults}");
         assert_eq!(faults.to_json()[0]["file"], "--set");
+    }
+}
+
+fn apart_with(sets: &[&str]) -> Result<Graph, Faults> {
+    let sets: Vec<String> = sets.iter().map(|s| (*s).to_owned()).collect();
+    let text = FILES.iter().find(|(name, _)| *name == "apart.yaml").unwrap().1;
+    check(text, "apart.yaml", &sets, &registry(), &Disk)
+}
+
+#[test]
+fn a_set_reaches_links_contracts_frames_processes_and_the_record() {
+    let before = apart_with(&[]).ok().unwrap();
+    let graph = apart_with(&["links.valves.datagram.delay=9 ms", "links.valves.datagram.udp=127.0.0.1:6001"])
+        .ok()
+        .unwrap();
+    let delays = |graph: &Graph| {
+        let edges = graph.operators.iter().flat_map(|o| o.inputs.iter().filter_map(|i| i.edge));
+        edges.map(|edge| edge.delay).collect::<Vec<_>>()
+    };
+    assert_ne!(delays(&before), delays(&graph));
+    assert!(delays(&graph).contains(&9_000_000));
+
+    let head = head_with(&["record.topics=all", "frames.camera.at=[1 m, 0 m, 0 m]"]).ok().unwrap();
+    assert_eq!(head.record, Record::All);
+    assert_eq!(head.frames.placed["camera"].parent_from_frame.translation[0], 1.0);
+    let head = head_with(&["contracts=[{ path: rig.depth -> face.face, within: 80 ms }]"]).ok().unwrap();
+    assert_eq!(head.contracts.len(), 1);
+}
+
+#[test]
+fn a_faulty_set_of_a_section_is_refused_at_the_argument() {
+    for (set, message) in [
+        ("links.valves.datagram.dealy=9 ms", "has no key `dealy`"),
+        ("links.valves.datagarm.udp=127.0.0.1:6001", "`datagarm`"),
+        ("record.topics=[rig.nothing]", "rig.nothing"),
+        ("contracts.within=80 ms", "`contracts`"),
+    ] {
+        let faults = apart_with(&[set]).err().unwrap().to_string();
+        assert!(faults.starts_with("--set `") && faults.contains(message), "{set}: {faults}");
     }
 }

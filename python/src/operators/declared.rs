@@ -186,6 +186,7 @@ impl Declared {
         let stage = Stage {
             kind: self.kind,
             laps: &[],
+            wire: None,
             fields: self.fields,
             described: Some(self),
             read,
@@ -197,6 +198,7 @@ impl Declared {
             remarks: |_, _| Vec::new(),
             capacities,
             subscriptions: |_| Vec::new(),
+            finishes: |_| false,
             build: |checked, setup| {
                 let values = values(checked).ok_or_else(|| SetupError(OTHER.to_owned()))?;
                 Ok(Box::new(PythonOperator::new(values, setup)?))

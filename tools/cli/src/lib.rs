@@ -36,6 +36,7 @@
 #[macro_use]
 pub mod output;
 
+mod amount;
 mod answer;
 mod attach;
 mod columns;

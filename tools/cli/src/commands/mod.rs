@@ -17,6 +17,7 @@ mod info;
 mod log;
 mod manual;
 mod merge;
+mod new;
 mod operators;
 mod plan;
 mod ps;
@@ -54,6 +55,8 @@ pub enum Command {
     Rig(rig::Rig),
     /// Check a pipeline and show all its faults.
     Check(check::Check),
+    /// Make a folder with a commented pipeline of your own that checks and runs.
+    New(new::New),
     /// Replay a session from its journals and compare every recorded topic byte by byte, or with a change.
     Replay(replay::Replay),
     /// Compare two sessions: what differs first, by how much, and how it goes on.
@@ -137,6 +140,7 @@ impl Command {
             Self::Run(c) => c.execute(registry),
             Self::Rig(c) => c.execute(registry),
             Self::Check(c) => c.execute(registry),
+            Self::New(c) => c.execute(registry),
             Self::Replay(c) => c.execute(registry),
             Self::Diff(c) => c.execute(registry),
             Self::Export(c) => c.execute(),

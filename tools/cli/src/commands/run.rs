@@ -26,6 +26,9 @@ use crate::summary::{Observed, Summary};
 /// Length of a run of the default pipeline.
 const DEFAULT_LENGTH: &str = "20 s";
 
+/// Length of a simulated run that its sources end, ns of session time: the longest time that a pipeline can state.
+const UNBOUNDED: u64 = 366 * 86_400 * 1_000_000_000;
+
 /// Run a pipeline and record it.
 #[derive(Args, Default)]
 pub struct Run {
@@ -141,9 +144,16 @@ impl Run {
             if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
         let is_live = self.is_live();
         let (report, observed) = if !is_live {
-            let length = length.ok_or_else(|| {
-                Failure::wrong("a simulated run needs a maximum length, such as `--for 10s`")
-            })?;
+            let length = match length {
+                None if checked.graph.ends_by_itself() => UNBOUNDED,
+                None => {
+                    return Err(Failure::wrong(
+                        "not every source of this pipeline finishes by itself, so a simulated run needs a maximum length, \
+                         such as `--for 10s`",
+                    ));
+                }
+                Some(length) => length,
+            };
             let place = match self.lock_step {
                 None => Place::Local,
                 Some(LockStep::Threads) => Place::Threads,

@@ -12,6 +12,7 @@ use stillpoint_samples::{Command, ConsoleCommand, HEADER_SIZE, Header, RigFault,
 use stillpoint_shm::{Contract, Topic};
 use zerocopy::IntoBytes;
 
+use crate::amount::{self, Amount};
 use crate::answer::{self, Answer};
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
@@ -27,9 +28,10 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub struct Send {
     /// Console and verb, such as `console.arm`.
     command: String,
-    /// Up to six values in SI units. For a fault: its name (or `mend`), the number of the valve or bladder counted from 0,
-    /// the diameter of a leak or the fraction of supply or duties that is left, and the duration in seconds.
-    #[arg(allow_negative_numbers = true)]
+    /// Up to six values, each with its unit as in a pipeline file, such as `14mm` or `-1.35deg`; a number without a unit is
+    /// in the SI unit. For a fault: its name (or `mend`), the number of the valve or bladder counted from 0, the diameter
+    /// of a leak or the fraction of supply or duties that is left, and the duration.
+    #[arg(allow_hyphen_values = true)]
     values: Vec<String>,
     #[command(flatten)]
     which: Which,
@@ -51,8 +53,12 @@ impl Send {
                 words.collect::<Vec<_>>().join(", ")
             ))
         })?;
-        let values = self.numbers(verb)?;
+        let amounts = self.amounts(verb)?;
+        let values: Vec<f64> = amounts.iter().map(|amount| amount.value).collect();
         self.counted(verb, &values)?;
+        if verb == Verb::Target {
+            amount::fit_channels(&amounts, &self.which.attach(registry)?.graph, console)?;
+        }
         let listeners = match verb {
             Verb::Target => answer::listen(registry, &self.which, console)?,
             _ => Vec::new(),
@@ -206,28 +212,25 @@ fn find(graph: &Graph, name: &str, word: &str) -> Result<usize, Failure> {
 const MEND: &str = "mend";
 
 impl Send {
-    /// The values as numbers; the first of a fault is its name.
-    fn numbers(&self, verb: Verb) -> Result<Vec<f64>, Failure> {
-        let number = |text: &String| {
-            text.parse().map_err(|_| {
-                Failure::wrong(format!("`{text}` is not a number: values are numbers in SI units"))
-            })
-        };
+    /// The values; the first of a fault is its name.
+    fn amounts(&self, verb: Verb) -> Result<Vec<Amount>, Failure> {
         let (name, rest) = match self.values.split_first() {
             Some((name, rest)) if verb == Verb::Fault => (name, rest),
             None if verb == Verb::Fault => return Err(Failure::wrong(format!("which fault? {}", faults()))),
-            _ => return self.values.iter().map(number).collect(),
+            _ => return self.values.iter().map(|text| Amount::read(text, &["m", "rad"])).collect(),
         };
-        let kind = match RigFault::ALL.iter().find(|(word, _)| word == name) {
-            Some((_, fault)) => f64::from(*fault as u32),
-            None if name == MEND => 0.0,
-            None => {
-                let near = nearest(name, RigFault::ALL.iter().map(|(word, _)| *word).chain([MEND]));
-                let near = near.map_or_else(String::new, |n| format!(", did you mean {n}?"));
-                return Err(Failure::wrong(format!("there is no fault `{name}`{near}; {}", faults())));
-            }
-        };
-        std::iter::once(Ok(kind)).chain(rest.iter().map(number)).collect()
+        let fault = RigFault::ALL.iter().find(|(word, _)| word == name).map(|(_, fault)| *fault);
+        if fault.is_none() && name != MEND {
+            let near = nearest(name, RigFault::ALL.iter().map(|(word, _)| *word).chain([MEND]));
+            let near = near.map_or_else(String::new, |n| format!(", did you mean {n}?"));
+            return Err(Failure::wrong(format!("there is no fault `{name}`{near}; {}", faults())));
+        }
+        // Number of the part, what is left or the diameter of a leak, and the duration.
+        let size: &[&str] = if fault == Some(RigFault::Leak) { &["m"] } else { &[] };
+        let units = [&[], size, &["s"][..]].into_iter().chain(std::iter::repeat(&[][..]));
+        let code = Amount::plain(fault.map_or(0.0, |fault| f64::from(fault as u32)));
+        let rest = rest.iter().zip(units).map(|(text, units)| Amount::read(text, units));
+        std::iter::once(Ok(code)).chain(rest).collect()
     }
 
     /// Whether the number of values fits the verb.

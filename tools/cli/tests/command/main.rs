@@ -8,10 +8,12 @@ mod browser;
 mod case;
 mod delivered;
 mod export;
+mod first_hour;
 mod identified;
 mod identity;
 mod loops;
 mod merge;
+mod new;
 mod plan;
 mod queue;
 mod reach;
@@ -265,7 +267,7 @@ fn echo_refuses_what_it_cannot_show() {
 fn a_run_over_a_folder_of_images_ends_when_they_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
-    for how in [&[][..], &["--clock", "simulated", "--for", "1h"]] {
+    for how in [&[][..], &["--clock", "simulated"], &["--lock-step=threads"]] {
         let out = stillpoint(folder.path(), &[&["run", &file, "--json", "--record", "s"], how].concat());
         assert!(out.status.success(), "{how:?}: {}{}", text(&out.stdout), text(&out.stderr));
         let report: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
@@ -283,6 +285,25 @@ fn a_run_over_a_folder_of_images_ends_when_they_are_read() {
 }
 
 #[test]
+fn a_simulated_run_without_a_length_needs_sources_that_finish() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
+    let rig = root().join("pipeline.yaml").canonicalize().unwrap().display().to_string();
+    for arguments in [vec![rig.as_str()], vec![images.as_str(), "--set", "cloud.at_end=repeat"]] {
+        let out = stillpoint(
+            folder.path(),
+            &[&["run", "--clock", "simulated", "--no-record"], &arguments[..]].concat(),
+        );
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        assert!(
+            text(&out.stderr).contains("not every source of this pipeline finishes"),
+            "{}",
+            text(&out.stderr)
+        );
+    }
+}
+
+#[test]
 fn what_is_not_there_is_named_and_nothing_panics() {
     let folder = tempfile::tempdir().unwrap();
     for (command, code, word) in [
@@ -294,6 +315,9 @@ fn what_is_not_there_is_named_and_nothing_panics() {
         (&["echo", "filter.state"], 1, "no pipeline is running"),
         (&["send", "console.arm"], 1, "no pipeline is running"),
         (&["send", "console.amr"], 2, "arm"),
+        (&["send", "console.target", "5 kg"], 2, "`5 kg` is not a number, nor a quantity in m, rad"),
+        (&["send", "console.fault", "leak", "0", "1 deg"], 2, "`1 deg` is not a number"),
+        (&["send", "console.fault", "leak", "0", "-1mm", "5s"], 1, "no pipeline is running"),
         (&["run", "--for", "10"], 2, "unit"),
         (&["run", "--for", "-5s"], 2, "negative"),
     ] {

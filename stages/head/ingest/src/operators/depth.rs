@@ -112,6 +112,10 @@ impl Operator for IngestDepth {
         files::remarks(files, place, params.strict, |file| look(params, &camera, file))
     }
 
+    fn finishes(params: &DepthParams) -> bool {
+        params.files.is_some() && params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &DepthParams) -> Vec<usize> {
         vec![params.max_pixels as usize]
     }

@@ -61,6 +61,10 @@ impl Operator for IngestGrey {
         files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
+    fn finishes(params: &GreyParams) -> bool {
+        params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &GreyParams) -> Vec<usize> {
         vec![params.max_pixels as usize]
     }

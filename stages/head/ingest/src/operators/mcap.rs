@@ -113,6 +113,10 @@ impl Operator for IngestMcap {
         }
     }
 
+    fn finishes(params: &McapParams) -> bool {
+        params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &McapParams) -> Vec<usize> {
         vec![params.max_points as usize]
     }

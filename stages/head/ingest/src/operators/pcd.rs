@@ -68,6 +68,10 @@ impl Operator for IngestPcd {
         files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
+    fn finishes(params: &PcdParams) -> bool {
+        params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &PcdParams) -> Vec<usize> {
         vec![params.max_points as usize]
     }

@@ -79,6 +79,10 @@ impl Operator for IngestPly {
         files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
+    fn finishes(params: &PlyParams) -> bool {
+        params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &PlyParams) -> Vec<usize> {
         vec![params.max_points as usize]
     }

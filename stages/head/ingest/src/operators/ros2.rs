@@ -292,6 +292,10 @@ impl Operator for IngestRos2 {
         params.recording.as_ref().map_or_else(Vec::new, of)
     }
 
+    fn finishes(params: &Ros2Params) -> bool {
+        params.recording.is_some() && params.at_end == AtEnd::Stop
+    }
+
     fn capacities(params: &Ros2Params) -> Vec<usize> {
         vec![params.max_points as usize, Counts::METRICS]
     }
