@@ -188,7 +188,11 @@ mod tests {
             host: "bedside".into(),
             incarnation: 1,
             number: 9,
-            identity: HostIdentity { pipeline: "two".into(), version: "0.1.0".into(), ..HostIdentity::default() },
+            identity: HostIdentity {
+                pipeline: "two".into(),
+                version: "0.1.0".into(),
+                ..HostIdentity::default()
+            },
             at: 0,
             seen: Vec::new(),
             sends: vec![end(1, 30), end(2, 12)],

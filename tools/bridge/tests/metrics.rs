@@ -65,7 +65,8 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
             .then_some(())
     });
     wait_for("the first figures", || {
-        (value(&figures(&of_worker), "stillpoint_worker_slots{worker=\"worker-w\"}") == Some(1.0)).then_some(())
+        (value(&figures(&of_worker), "stillpoint_worker_slots{worker=\"worker-w\"}") == Some(1.0))
+            .then_some(())
     });
     let before = figures(&of_worker);
     assert_eq!(value(&before, "stillpoint_worker_calls_answered_total"), Some(0.0), "{before}");
@@ -81,7 +82,8 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
         let angles: Vec<f64> = angles().iter().map(|deg| deg + 0.01 * round).take(4).collect();
         PoolDoses::default().fill(&mut pool, &spare, &engines, &angles, || ()).unwrap();
         let body = figures(&of_worker);
-        let of = |name: &str| value(&body, &format!("stillpoint_worker_{name}{{worker=\"worker-w\"")).unwrap();
+        let of =
+            |name: &str| value(&body, &format!("stillpoint_worker_{name}{{worker=\"worker-w\"")).unwrap();
         let counted = of("calls_answered_total") > 0.0 && of("cache_bytes") > 0.0 && of("peers") >= 1.0;
         (counted && of("received_bytes_total") > 100.0 && of("sent_bytes_total") > 100.0).then_some(())
     });
