@@ -143,3 +143,32 @@ fn a_browser_that_reads_nothing_and_a_page_that_stands_still_delay_no_stage() {
     let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
     assert_eq!(replay["identical_all"], true, "{replay}");
 }
+
+#[test]
+#[ignore = "a measurement: it needs a machine without other work"]
+fn images_a_second_of_the_default_pipeline_in_a_browser() {
+    let bench = Bench::new();
+    let file = crate::bench::small_loop(&bench, include_str!("../../pipeline.yaml"), "examples/data/rig.key");
+    let fast = std::fs::read_to_string(&file).unwrap().replace("every: 100 ms, width", "every: 35 ms, width");
+    std::fs::write(&file, fast).unwrap();
+    let run = bench.run(&file);
+    bench.wait_for_samples("head.report", 4);
+    let sent = |bench: &Bench| {
+        let hz = bench.call(&["hz", "rig.depth", "--for", "10s", "--json"]).good();
+        hz["topics"][0]["rate_hz"].as_f64().unwrap_or(0.0)
+    };
+    let before = sent(&bench);
+    let page = bench.start(&["view", "--port", "0"]);
+    let Some(mut browser) = Browser::open(&address(&page)) else { return };
+    const DRAWN: &str = "Number(document.querySelector('#image').dataset.images ?? 0)";
+    browser.wait_until(&format!("{DRAWN} > 2"));
+    let (begun, first) = (std::time::Instant::now(), browser.evaluate(DRAWN).as_f64().unwrap());
+    let during = sent(&bench);
+    let drawn = browser.evaluate(DRAWN).as_f64().unwrap() - first;
+    let drawn = drawn / begun.elapsed().as_secs_f64();
+    eprintln!(
+        "{drawn:.1} images a second are drawn of {during:.1} that are sent; {before:.1} were sent before"
+    );
+    assert!(drawn > 0.0);
+    run.stop();
+}
