@@ -7,7 +7,7 @@ use std::sync::Arc;
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use serde_json::json;
-use stillpoint_patient::case::{Case, neck, phantom, read};
+use stillpoint_patient::case::{Case, lung, neck, phantom, read};
 use stillpoint_plan::Setups;
 use stillpoint_plan::dose::{CachedBeam, Machine};
 use stillpoint_plan::evaluation::OnGrid;
@@ -38,13 +38,14 @@ impl NativeCase {
         Ok(Self { case })
     }
 
-    /// The synthetic patient of a seed: `pelvis` or `neck`.
+    /// The synthetic patient of a seed: `pelvis`, `neck` or `lung`.
     #[staticmethod]
     fn phantom(py: Python<'_>, seed: u64, site: &str) -> PyResult<Self> {
         let case = match site {
             "pelvis" => py.detach(|| phantom(seed)),
             "neck" => py.detach(|| neck(seed)),
-            other => return Err(raise(format!("invalid site: {other} (allowed: pelvis, neck)"))),
+            "lung" => py.detach(|| lung(seed)),
+            other => return Err(raise(format!("invalid site: {other} (allowed: pelvis, neck, lung)"))),
         };
         Ok(Self { case: case.map_err(raise)? })
     }

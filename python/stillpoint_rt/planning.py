@@ -59,7 +59,7 @@ class Case:
 
     @classmethod
     def phantom(cls, seed: int = 0, site: str = "pelvis") -> Case:
-        """A synthetic patient: `pelvis` or `neck`. Every seed is another one."""
+        """A synthetic patient: `pelvis`, `neck` or `lung`. Every seed is another one."""
         return cls(_native.NativeCase.phantom(seed, site))
 
     def structures(self) -> pd.DataFrame:

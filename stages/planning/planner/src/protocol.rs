@@ -7,9 +7,10 @@ use stillpoint_operator::config::{text, yaml};
 use stillpoint_patient::case::{Case, name_fits};
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
 
-const SHIPPED: [(&str, &str); 2] = [
+const SHIPPED: [(&str, &str); 3] = [
     ("prostate.yaml", include_str!("../data/protocols/prostate.yaml")),
     ("head-and-neck.yaml", include_str!("../data/protocols/head-and-neck.yaml")),
+    ("lung.yaml", include_str!("../data/protocols/lung.yaml")),
 ];
 const KEYS: [&str; 4] = ["name", "site", "fraction", "limits"];
 const KEYS_OF_LIMIT: [&str; 6] = ["structure", "match", "target", "plan", "limit", "source"];
@@ -130,7 +131,7 @@ fn texts(entry: &Entry, findings: &Findings) -> Option<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_patient::case::{neck, phantom};
+    use stillpoint_patient::case::{lung, neck, phantom};
     use stillpoint_plan::dose::DoseParams;
     use stillpoint_plan::objectives::ObjectiveTable;
 
@@ -149,7 +150,7 @@ mod tests {
     #[test]
     fn every_shipped_limit_is_served_by_a_shipped_objective() {
         let table = ObjectiveTable::shipped().unwrap();
-        for case in [phantom(0).unwrap(), neck(0).unwrap()] {
+        for case in [phantom(0).unwrap(), neck(0).unwrap(), lung(0).unwrap()] {
             let grid = DoseParams::over(case.grid(), 8.0).grid;
             let mut set = table.for_case(&case, &grid).unwrap();
             let served = of_site(&case).unwrap().unwrap().serve(&case, &mut set.structures);

@@ -19,7 +19,7 @@
 //! - `nrrd`: volumes from NRRD files
 //! - `described`: NRRD volumes with the JSON beside them, to a case
 //! - `names`: the table that structure names are matched by
-//! - `phantom`: the project's own pelvis (ordinary or varied), head, and head and neck, made from a seed
+//! - `phantom`: the project's own pelvis (ordinary or varied), head, head and neck, and chest, made from a seed
 //! - [`intake`]: what every reader asks of images and structures before they become a case
 //! - `inflate`: decompression that a hostile file cannot make large
 
@@ -43,7 +43,7 @@ pub use mask::Mask;
 pub use names::{NameTable, NamesError, StandardName, name_fits};
 pub use nrrd::{NrrdError, Values, Volume, read_nrrd};
 pub use patient::{Case, CaseError, CaseParts, Prescription};
-pub use phantom::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, neck, phantom, varied_phantom};
+pub use phantom::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, lung, neck, phantom, varied_phantom};
 pub use position::PatientPosition;
 pub use structure::{Role, Structure};
 pub use uid::{Uid, UidError, Uids};

@@ -25,8 +25,8 @@ pub struct Case {
 enum Command {
     /// Make a case file from a DICOM folder (CT and RTSTRUCT), or from NRRD volumes with their JSON.
     Import(import::Import),
-    /// Generate the case file of a synthetic patient from a seed: a male pelvis, the head that the rigs show, or a head and
-    /// neck.
+    /// Generate the case file of a synthetic patient from a seed: a male pelvis, the head that the rigs show, a head and
+    /// neck, or a chest.
     Phantom(phantom::Phantom),
     /// Show the structures of a case and draw its central slices.
     Show(show::Show),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use stillpoint_patient::case::{
-    Case, HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, neck, phantom, varied_phantom, write,
+    Case, HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, lung, neck, phantom, varied_phantom, write,
 };
 use stillpoint_rig::head::Head;
 
@@ -14,7 +14,7 @@ use crate::quantity::quantity;
 /// Generate the case file of a synthetic patient from a seed.
 #[derive(Args)]
 pub struct Phantom {
-    /// The folder in which the case file, `pelvis-SEED.case`, `head-SEED.case` or `neck-SEED.case`, is written.
+    /// The folder in which the case file, `pelvis-SEED.case`, `head-SEED.case`, `neck-SEED.case` or `lung-SEED.case`, is written.
     #[arg(long)]
     out: PathBuf,
     /// The part of the body.
@@ -40,6 +40,8 @@ enum Site {
     Head,
     /// A head and neck with tumours and lymph nodes of the throat; every seed is another one.
     Neck,
+    /// A chest with a tumour in one lung; every seed is another one.
+    Lung,
 }
 
 impl Phantom {
@@ -53,7 +55,8 @@ impl Phantom {
             (Site::Pelvis, true) => varied_phantom(self.seed).map_err(Failure::failed)?,
             (Site::Head, false) => head_of_rig(self.seed, self.spacing_mm()?)?,
             (Site::Neck, false) => neck(self.seed).map_err(Failure::failed)?,
-            (Site::Head | Site::Neck, true) => {
+            (Site::Lung, false) => lung(self.seed).map_err(Failure::failed)?,
+            (Site::Head | Site::Neck | Site::Lung, true) => {
                 return Err(Failure::wrong("--varied draws pelves; leave it out for other sites"));
             }
         };

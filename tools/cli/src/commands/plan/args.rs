@@ -55,7 +55,7 @@ pub struct PlanArgs {
     #[arg(long, value_name = "FILE")]
     pub(super) objectives: Option<PathBuf>,
     /// YAML file of limits that the plan aims at and is compared with: a limit that no objective serves gets one. Default: the
-    /// built-in protocol of the site of the case, prostate or head and neck.
+    /// built-in protocol of the site of the case: prostate, head and neck, or lung.
     #[arg(long, value_name = "FILE")]
     pub(super) protocol: Option<PathBuf>,
     /// Machine file; the default is the built-in generic 6 MV machine.

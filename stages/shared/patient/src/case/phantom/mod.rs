@@ -5,13 +5,15 @@
 //! have the conflicts of the real ones (rectum and bladder beside the target, hips in the lateral beams).
 //!
 //! - `head`: a head under a given skin
-//! - `neck`: a head and neck with tumours of the throat; `shapes`: of which both are made
+//! - `neck`: a head and neck with tumours of the throat
+//! - `lung`: a chest with a tumour in one lung; `shapes`: of which these three are made
 //! - `anatomy`: sizes drawn from the seed, and which tissue is where
 //! - `texture`: noise of tissue and scanner
 //! - `variety`: pelves that differ in what decides the beams
 
 mod anatomy;
 mod head;
+mod lung;
 mod neck;
 mod shapes;
 mod texture;
@@ -19,6 +21,7 @@ mod variety;
 
 use anatomy::{Anatomy, BodyPart};
 pub use head::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head};
+pub use lung::lung;
 pub use neck::neck;
 use texture::Texture;
 use variety::{Site, Variety};
