@@ -90,8 +90,9 @@ mod tests {
         assert!(fits(&["14 mm", "1 deg", "0.1"]).is_ok());
         let refused = fits(&["14 mm", "1 mm", "0.1"]).err().unwrap();
         assert!(
-            refused.to_string().contains("value 2 of the target of target: pitch is in rad"),
-            "{refused}"
+            refused.text.contains("value 2 of the target of target: pitch is in rad"),
+            "{}",
+            refused.text
         );
     }
 
