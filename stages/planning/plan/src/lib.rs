@@ -12,6 +12,7 @@
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
 //! - [`leaves`]: the fluence as segments of a multileaf collimator
 //! - [`metrics`]: histograms and indices of a dose
+//! - [`monte_carlo`]: the dose of a machine next to that of a Monte Carlo program
 //! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
 //! - [`plan_file`]: `plan.json`, written and read back
@@ -35,6 +36,7 @@ pub mod evaluation;
 pub mod fluence;
 pub mod leaves;
 pub mod metrics;
+pub mod monte_carlo;
 pub mod objectives;
 pub mod occupancy;
 pub mod plan_file;

@@ -8,6 +8,7 @@ mod check;
 mod delivered;
 mod diff;
 mod doctor;
+mod dose;
 mod echo;
 mod export;
 mod graph;
@@ -119,6 +120,8 @@ pub enum Command {
     Case(case::Case),
     /// Choose the beams of a case and optimise their fluence.
     Plan(Box<plan::Plan>),
+    /// Compare the dose of a machine with that of a Monte Carlo program.
+    Dose(dose::Dose),
     /// Compute the dose that the patient of a session got from a plan.
     Delivered(Box<delivered::Delivered>),
     /// Compute calls of plans for other hosts (by stillpoint-bridge).
@@ -172,6 +175,7 @@ impl Command {
             Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
+            Self::Dose(c) => c.execute(),
             Self::Delivered(c) => c.execute(registry),
             Self::Worker(_) | Self::Pool(_) | Self::Router(_) | Self::Pki(_) => bridge::hand_over(),
             Self::Bench(c) => c.execute(),

@@ -7,6 +7,7 @@ mod bladder;
 mod browser;
 mod case;
 mod delivered;
+mod dose;
 mod export;
 mod first_hour;
 mod identified;

@@ -5,4 +5,3 @@
 mod beams;
 mod columns;
 mod monte_carlo;
-mod phantoms;
