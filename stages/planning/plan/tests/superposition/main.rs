@@ -5,3 +5,4 @@
 mod beams;
 mod columns;
 mod monte_carlo;
+mod optimised;

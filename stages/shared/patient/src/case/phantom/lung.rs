@@ -105,9 +105,10 @@ pub fn lung(seed: u64) -> Result<Case, CaseError> {
         structure("Body", Role::External, of(&|_| true)),
         structure("PTV", Role::Target, of(&|i| person.tumour_mm(places[i]) <= MARGIN_MM)),
         structure("GTV", Role::ClinicalTarget, of(&|i| tissues[i] == Tissue::Tumour)),
+        // Before its parts: limits are on both lungs, and a point counts for the first organ that has it.
+        organ("Lungs", &|i| tissues[i] == Tissue::Lung),
         organ("Lung_L", &|i| is_lung(i, 1.0)),
         organ("Lung_R", &|i| is_lung(i, -1.0)),
-        organ("Lungs", &|i| tissues[i] == Tissue::Lung),
         organ("Heart", &|i| person.heart_mm(places[i]) <= 0.0),
         organ("Esophagus", &|i| person.oesophagus_mm(places[i]) <= 0.0),
         organ("SpinalCord", &|i| person.cord_mm(places[i]) <= 0.0),
