@@ -116,7 +116,7 @@ fn a_fault_that_there_is_not_is_named_before_it_is_sent() {
         (&["leek", "0"][..], "did you mean leak?"),
         (&[], "which fault?"),
         (&["leak", "one"], "`one` is not a number"),
-        (&["leak", "0", "nan"], "all of them finite"),
+        (&["leak", "0", "nan"], "`nan` is not a number"),
     ] {
         let done = bench.call(&[&["send", "console.fault"], what].concat());
         assert_ne!(done.code(), 0);

@@ -57,10 +57,10 @@ pub struct Pool {
     #[arg(long, default_value_t = 2.0)]
     pub seconds: f64,
     /// Print how many workers would be useful now: calls without an answer, for the slots of a worker.
-    #[arg(long)]
-    pub wanted: bool,
+    #[arg(long = "wanted")]
+    pub counts_useful: bool,
     /// Slots of the workers that would be started. Default: those of the smallest worker that is there, else 1.
-    #[arg(long, requires = "wanted")]
+    #[arg(long, requires = "counts_useful")]
     pub slots: Option<NonZeroUsize>,
     /// Print it as JSON.
     #[arg(long)]

@@ -132,7 +132,7 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>, resample: bool) -> Result<Volum
         }
         Err(error) => return Err(error),
     };
-    said(&slices, &mut notes);
+    note_values(&slices, &mut notes);
     let grid = Grid {
         counts: [first.counts[0], first.counts[1], slices.len()],
         spacing_mm: [first.spacing_mm[0], first.spacing_mm[1], expected_mm],
@@ -145,7 +145,7 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>, resample: bool) -> Result<Volum
 }
 
 /// What is to be said of the values of these images.
-fn said(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) {
+fn note_values(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) {
     notes.extend(slices.first().and_then(|(_, first)| first.unit.clone()));
     let clipped: usize = slices.iter().map(|(_, slice)| slice.clipped).sum();
     if let Some((file, _)) = slices.iter().find(|(_, slice)| slice.clipped > 0) {
@@ -190,7 +190,7 @@ fn resampled(
             _ => String::new(),
         }
     ));
-    said(slices, &mut notes);
+    note_values(slices, &mut notes);
     let first = images[0];
     let (study, frame_of_reference) = (first.study.clone(), first.frame_of_reference.clone());
     Ok(Volume { grid, hu, study, frame_of_reference, position: first.position, stack: Some(stack), notes })

@@ -63,8 +63,8 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
         let first = Received { first: (now, hello.answered), last: (now, hello.clone()) };
         workers.entry(from).or_insert(first).last = (now, hello);
     }
-    if arguments.wanted {
-        return Ok(print_wanted(arguments, &workers, &demands));
+    if arguments.counts_useful {
+        return Ok(print_useful(arguments, &workers, &demands));
     }
     if workers.is_empty() {
         let (seconds, endpoint) = (arguments.seconds, arguments.connect.clone());
@@ -105,23 +105,23 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
 }
 
 /// How many workers would be useful: so many that each call without an answer has a slot.
-fn print_wanted(arguments: &Pool, workers: &BTreeMap<String, Received>, demands: &BTreeMap<String, u32>) {
+fn print_useful(arguments: &Pool, workers: &BTreeMap<String, Received>, demands: &BTreeMap<String, u32>) {
     let calls: u64 = demands.values().map(|&calls| u64::from(calls)).sum();
     let there = workers.values().map(|worker| u64::from(worker.last.1.slots));
     let slots = arguments.slots.map_or_else(
         || there.clone().filter(|&slots| slots > 0).min().unwrap_or(1),
         |slots| slots.get() as u64,
     );
-    let wanted = calls.div_ceil(slots);
+    let useful = calls.div_ceil(slots);
     if arguments.json {
         let object = json!({
-            "wanted": wanted, "slots_of_a_worker": slots, "calls": calls, "clients": demands.len(),
+            "wanted": useful, "slots_of_a_worker": slots, "calls": calls, "clients": demands.len(),
             "workers": workers.len(), "slots": there.sum::<u64>(),
         });
         return println!("{object}");
     }
     println!(
-        "{wanted} workers of {slots} slots would be useful: {calls} calls of {} clients have no answer; {} workers are there",
+        "{useful} workers of {slots} slots would be useful: {calls} calls of {} clients have no answer; {} workers are there",
         demands.len(),
         workers.len()
     );

@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_worst_latency_of_cyclictest_is_that_of_its_worst_thread() {
-        // Output of version 2.4.
+        // The form of version 2.4.
         let text = "# /dev/cpu_dma_latency set to 0us\n\
                     T: 0 (17272) P: 0 I:1000 C:    300 Min:     76 Act:   93 Avg:  332 Max:   10500\n\
                     T: 1 (17273) P: 0 I:1500 C:    200 Min:     70 Act:   99 Avg:  101 Max:     400\n";
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn the_worst_latency_of_rtla_is_that_of_a_thread_and_not_of_the_interrupt() {
-        // The form that its manual page shows.
+        // The columns of its manual page; not output of a run.
         let text = "                                     Timer Latency\n\
              \x20 0 00:00:12   |          IRQ Timer Latency (us)        |         Thread Timer Latency (us)\n\
              CPU COUNT      |      cur       min       avg       max |      cur       min       avg       max\n\
