@@ -64,7 +64,8 @@ fn try_execute(arguments: &Pool) -> Result<(), BridgeError> {
         workers.entry(from).or_insert(first).last = (now, hello);
     }
     if arguments.counts_useful {
-        return Ok(print_useful(arguments, &workers, &demands));
+        print_useful(arguments, &workers, &demands);
+        return Ok(());
     }
     if workers.is_empty() {
         let (seconds, endpoint) = (arguments.seconds, arguments.connect.clone());
@@ -118,7 +119,8 @@ fn print_useful(arguments: &Pool, workers: &BTreeMap<String, Received>, demands:
             "wanted": useful, "slots_of_a_worker": slots, "calls": calls, "clients": demands.len(),
             "workers": workers.len(), "slots": there.sum::<u64>(),
         });
-        return println!("{object}");
+        println!("{object}");
+        return;
     }
     println!(
         "{useful} workers of {slots} slots would be useful: {calls} calls of {} clients have no answer; {} workers are there",
