@@ -20,6 +20,9 @@ use stillpoint_plan::threads::on_threads;
 use crate::error::raise;
 use crate::interrupt::interruptible;
 
+/// Rows of a dose matrix, and the volume that each stands for.
+type RowsAndVolumes<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
+
 /// Steps of a histogram.
 const STEPS: usize = 200;
 
@@ -157,11 +160,7 @@ impl NativeSetup {
     }
 
     /// Rows of dose matrices that are points of a structure with objectives, and the volume that each stands for.
-    fn rows_of<'py>(
-        &self,
-        py: Python<'py>,
-        structure: &str,
-    ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>)> {
+    fn rows_of<'py>(&self, py: Python<'py>, structure: &str) -> PyResult<RowsAndVolumes<'py>> {
         let all = &self.setup.objective_set.structures;
         let found = all.iter().find(|s| s.name == structure).ok_or_else(|| {
             let names: Vec<&str> = all.iter().map(|s| s.name.as_str()).collect();
