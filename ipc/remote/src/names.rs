@@ -44,7 +44,7 @@ pub fn all_acknowledgements(prefix: &str) -> String {
     format!("{}/taken/*", chunk(prefix))
 }
 
-/// The key of what workers of the planning pool send to all: their greetings.
+/// The key of what programs of the planning pool send to all: workers their greetings, and those who ask their demand.
 pub fn pool_greetings(prefix: &str) -> String {
     format!("{}/pool/1/all/*", chunk(prefix))
 }

@@ -12,6 +12,8 @@ use crate::declare::subscriber;
 use crate::shared::lock;
 use crate::{Beat, RemoteError, names};
 
+/// How the names of workers begin. Those who ask workers send to all, too, and are no members.
+const WORKER: &str = "worker-";
 /// The most members; of more, the one that was silent longest goes.
 const MOST_MEMBERS: usize = 1024;
 /// Time after which a silent member is forgotten.
@@ -97,7 +99,8 @@ impl Roster {
             }
         };
         let worker = move |sample: Sample| {
-            if let Some(name) = sample.key_expr().as_str().rsplit('/').next() {
+            let name = sample.key_expr().as_str().rsplit('/').next();
+            if let Some(name) = name.filter(|name| name.starts_with(WORKER)) {
                 of_workers.enter(name, None);
             }
         };

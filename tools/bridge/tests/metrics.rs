@@ -72,7 +72,8 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
     assert_eq!(value(&before, "stillpoint_worker_calls_answered_total"), Some(0.0), "{before}");
     // Calls are counted with their bytes.
     let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
-    let mut pool = Pool::new(courier, ClientSettings::new(Build::here().unwrap()));
+    let settings = ClientSettings { tells_demand: true, ..ClientSettings::new(Build::here().unwrap()) };
+    let mut pool = Pool::new(courier, settings);
     let water = Water::new();
     let engines = [water.engine.clone()];
     let spare = DoseCache::in_folder(&folder.path().join("spare")).unwrap();
@@ -92,6 +93,8 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
     assert_eq!(value(&body, "stillpoint_worker_messages_lost_total"), Some(0.0), "{body}");
     let build = Build::here().unwrap();
     assert!(body.contains(&format!("build=\"{}\"", build.text())), "{body}");
+    // One who asks is none of those who greet.
+    assert!(!figures(&of_router).contains("peer=\"plan-"), "{}", figures(&of_router));
     // A worker that is gone is no longer a peer.
     drop(worker);
     wait_for("the end", || {
