@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use clap::Args;
+use clap::{Args, Parser};
 use stillpoint_mechanics::plant::rigs::RigSpec;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::near::nearest;
@@ -37,9 +37,38 @@ pub struct Send {
     which: Which,
 }
 
+/// Options behind values. Since a value may begin with a hyphen, they arrive as values.
+#[derive(Parser)]
+struct Behind {
+    #[command(flatten)]
+    which: Which,
+}
+
 impl Send {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
+        self.with_options()?.send(registry)
+    }
+
+    /// The same with the options behind the values taken from them.
+    fn with_options(&self) -> Result<Self, Failure> {
+        let is_option = |value: &&String| value.starts_with("--") && value.len() > 2;
+        let at = self.values.iter().position(|value| is_option(&value)).unwrap_or(self.values.len());
+        let (values, options) = self.values.split_at(at);
+        let program = "send".to_owned();
+        let behind = Behind::try_parse_from(std::iter::once(&program).chain(options)).map_err(|fault| {
+            let text = fault.to_string();
+            let line = text.lines().next().unwrap_or_default();
+            Failure::wrong(format!("{}: see `stillpoint send --help`", line.trim_start_matches("error: ")))
+        })?;
+        Ok(Self {
+            command: self.command.clone(),
+            values: values.iter().filter(|value| *value != "--").cloned().collect(),
+            which: Which { run: behind.which.run.or_else(|| self.which.run.clone()) },
+        })
+    }
+
+    fn send(&self, registry: &Registry) -> Ended {
         let named = self.command.split_once('.').filter(|(console, _)| !console.is_empty());
         let (console, word) = named.ok_or_else(|| {
             Failure::wrong(format!("`{}`: write the console and a verb, such as console.arm", self.command))
@@ -262,4 +291,37 @@ impl Send {
 fn faults() -> String {
     let words: Vec<&str> = RigFault::ALL.iter().map(|(word, _)| *word).collect();
     format!("there are {}, and `{MEND}` to remove all of them", words.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        send: Send,
+    }
+
+    #[test]
+    fn options_may_follow_values_that_begin_with_a_hyphen() {
+        let of = |words: &[&str]| {
+            let line = Line::try_parse_from([&["send", "console.target"], words].concat()).unwrap();
+            line.send.with_options().map(|send| (send.values, send.which.run))
+        };
+        let values = ["-14mm", "0.5", "-1e-3"].map(str::to_owned).to_vec();
+        for words in [
+            &["-14mm", "0.5", "-1e-3", "--run", "mine"][..],
+            &["-14mm", "0.5", "-1e-3", "--run=mine"],
+            &["--run", "mine", "-14mm", "0.5", "-1e-3"],
+            &["--run", "mine", "--", "-14mm", "0.5", "-1e-3"],
+        ] {
+            assert_eq!(of(words).ok().unwrap(), (values.clone(), Some("mine".to_owned())), "{words:?}");
+        }
+        assert_eq!(of(&[]).ok().unwrap(), (Vec::new(), None));
+        let refused = of(&["0.5", "--rum", "mine"]).err().unwrap();
+        assert!(refused.text.contains("unexpected argument '--rum'"), "{}", refused.text);
+    }
 }
