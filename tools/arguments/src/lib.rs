@@ -70,8 +70,9 @@ pub struct Pool {
 /// Compute calls for those who plan. A worker holds nothing that matters: it may be ended at any time.
 #[derive(Args, Debug)]
 pub struct Worker {
-    /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`.
-    #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen", env = "STILLPOINT_POOL")]
+    /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`. Default: that of the environment variable
+    /// `STILLPOINT_POOL`, unless `--listen` is given.
+    #[arg(long, value_name = "ENDPOINT")]
     pub connect: Option<String>,
     /// Endpoint at which this worker is a router, too; it uses this port and the next one. Its certificate must be
     /// that of a router.

@@ -56,6 +56,6 @@ pub enum BridgeError {
     #[error("invalid time of grace: {0} s (allowed: 0 to 86400)")]
     Grace(f64),
     /// A worker without a router.
-    #[error("give --connect or --listen")]
+    #[error("give --connect or --listen, or set STILLPOINT_POOL to the endpoint of a router")]
     NoEndpoint,
 }

@@ -19,6 +19,8 @@ use crate::metrics::{Exchanged, Served, of_worker};
 
 /// How the names of workers begin: access lists know workers by it.
 const NAMES: &str = "worker-";
+/// The variable with the endpoint, where no argument states one.
+const POOL: &str = "STILLPOINT_POOL";
 /// Longest time between two looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -47,7 +49,8 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
         Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone(), None)?),
         None => None,
     };
-    let endpoint = match (&arguments.connect, &arguments.listen) {
+    let of_environment = || std::env::var(POOL).ok().filter(|_| arguments.listen.is_none());
+    let endpoint = match (&arguments.connect.clone().or_else(of_environment), &arguments.listen) {
         (Some(endpoint), _) => endpoint.clone(),
         // The router of this process, by loopback where it listens at all addresses.
         (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
