@@ -47,19 +47,19 @@ const PLACES: [Place; 16] = [
         ..place(Phantom::Water, "0.5 to 25 cm, of the greatest dose", [5.0, 250.0], &[(2, 0.025), (5, 0.025)])
     },
     place(Phantom::Lung, "lung, 8 cm", [80.0, 82.5], &[]),
-    place(Phantom::Lung, "lung, 3 to 13 cm", [30.0, 130.0], &[(2, 0.08)]),
+    place(Phantom::Lung, "lung, 3 to 13 cm", [30.0, 130.0], &[(2, 0.08), (5, 0.04)]),
     place(Phantom::Lung, "first voxel of water behind lung", [130.0, 132.5], &[]),
-    place(Phantom::Lung, "water behind lung, 13 to 25 cm", [130.0, 250.0], &[(2, 0.05)]),
+    place(Phantom::Lung, "water behind lung, 13 to 25 cm", [130.0, 250.0], &[(2, 0.05), (5, 0.04)]),
     place(Phantom::Bone, "bone, 6 cm", [60.0, 62.5], &[]),
     place(Phantom::Air, "first voxel behind air", [40.0, 42.5], &[(2, 0.06)]),
     place(Phantom::Air, "second voxel behind air", [42.5, 45.0], &[(2, 0.06)]),
     place(Phantom::Tumour, "lung before the tumour, 7.6 cm", [75.0, 77.5], &[]),
-    place(Phantom::Tumour, "lung before the tumour, 3 to 9 cm", [30.0, 90.0], &[(2, 0.08)]),
+    place(Phantom::Tumour, "lung before the tumour, 3 to 9 cm", [30.0, 90.0], &[(2, 0.08), (5, 0.04)]),
     place(Phantom::Tumour, "first voxel of the tumour", [90.0, 92.5], &[]),
     place(Phantom::Tumour, "centre of the tumour", [100.0, 102.5], &[]),
-    place(Phantom::Tumour, "tumour, 9 to 11 cm", [90.0, 110.0], &[(2, 0.05)]),
-    place(Phantom::Tumour, "lung behind the tumour, first cm", [110.0, 120.0], &[(2, 0.10)]),
-    place(Phantom::Tumour, "lung behind the tumour, 12 to 23 cm", [120.0, 230.0], &[(2, 0.08)]),
+    place(Phantom::Tumour, "tumour, 9 to 11 cm", [90.0, 110.0], &[(2, 0.05), (5, 0.04)]),
+    place(Phantom::Tumour, "lung behind the tumour, first cm", [110.0, 120.0], &[(2, 0.10), (5, 0.04)]),
+    place(Phantom::Tumour, "lung behind the tumour, 12 to 23 cm", [120.0, 230.0], &[(2, 0.08), (5, 0.04)]),
 ];
 
 /// Largest rms over the axis and all profiles, by setting, as a part of the greatest dose.

@@ -36,6 +36,21 @@ fn lung_and_the_tumour_in_it_are_those_of_monte_carlo() {
 }
 
 #[test]
+fn wide_fields_in_lung_are_five_percent_too_high_at_most_where_four_are_asked() {
+    let mut missed = Vec::new();
+    for phantom in [Phantom::Lung, Phantom::Tumour] {
+        for place in at(phantom, 5).places.into_iter().filter(|place| place.bound.is_some()) {
+            assert!(place.superposition.abs() < 0.05, "{place:?}");
+            missed.extend((place.is_met() == Some(false)).then_some(place.name));
+        }
+    }
+    // One that is met no longer leaves this list, and docs/results/dose.md.
+    let known =
+        ["lung, 3 to 13 cm", "lung before the tumour, 3 to 9 cm", "lung behind the tumour, 12 to 23 cm"];
+    assert_eq!(missed, known);
+}
+
+#[test]
 fn pencil_beams_are_wrong_behind_air_and_in_lung() {
     let pencil = |phantom, name: &str| {
         let places = at(phantom, 2).places;

@@ -120,7 +120,7 @@ fn print(machine: &str, all: &[Comparison]) {
     out!("{table}");
     let judged = places(all).filter(|(_, place)| place.is_met().is_some()).count();
     outln!(
-        "\n{} of {judged} bounds of the superposition are met; fields of 1 cm, and of 5 cm outside water, have none",
+        "\n{} of {judged} bounds of the superposition are met; a place with - has none",
         judged - missed(all)
     );
 }
