@@ -13,7 +13,9 @@ use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement, Verb};
 
 use super::COMMAND;
+use super::figures::Ages;
 use super::processes::{children, waited};
+use super::stages::Load;
 use stillpoint::Failure;
 use stillpoint::deliver;
 use stillpoint::{Attached, Tap, Which};
@@ -61,6 +63,21 @@ fn own_address() -> Ipv4Addr {
     let [.., high, low] = std::process::id().to_be_bytes();
     let run = RUNS.fetch_add(1, Ordering::Relaxed) % 250;
     Ipv4Addr::new(127, high, low, 1 + run as u8)
+}
+
+/// The ages that a sink sends from now on, for this time.
+pub fn ages(sink: &Tap, length: Duration) -> Result<Ages, Failure> {
+    while sink.next()?.is_some() {}
+    let (begun, mut found) = (Instant::now(), Ages::default());
+    while begun.elapsed() < length {
+        std::thread::sleep(Duration::from_millis(10));
+        while let Some(sample) = sink.next()? {
+            if let Ok(view) = sample.pieces().view::<Load>() {
+                found.take(view.elements.iter().map(|w| w.word));
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// A run of a pipeline. Its supervisor is a separate process, too, because a fault may kill or stop it.

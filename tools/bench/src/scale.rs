@@ -13,11 +13,10 @@ use stillpoint_operator::Registry;
 use stillpoint_recorder::session_parts;
 
 use super::COMMAND;
-use super::figures::{Ages, Quantiles};
+use super::figures::Quantiles;
 use super::folder::Folder;
 use super::processes::{cpu, memory};
-use super::program::Program;
-use super::stages::Load;
+use super::program::{Program, ages};
 
 /// Number of payloads per second.
 const RATE: u64 = 20;
@@ -208,17 +207,8 @@ impl Chain {
 
     /// The cost of a hop over this time.
     fn window(&self, length: Duration) -> Result<Quantiles, Failure> {
-        while self.ages.next()?.is_some() {}
-        let (begun, mut found) = (Instant::now(), Ages::default());
-        while begun.elapsed() < length {
-            std::thread::sleep(Duration::from_millis(10));
-            while let Some(sample) = self.ages.next()? {
-                if let Ok(view) = sample.pieces().view::<Load>() {
-                    found.take(view.elements.iter().map(|w| w.word));
-                }
-            }
-        }
-        let hops: Vec<u64> = found.whole.iter().map(|age| age / self.hops as u64).collect();
+        let hops: Vec<u64> =
+            ages(&self.ages, length)?.whole.iter().map(|age| age / self.hops as u64).collect();
         Ok(Quantiles::of(&hops))
     }
 

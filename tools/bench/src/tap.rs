@@ -12,8 +12,8 @@ use super::attached::Tool;
 use super::cores::{self, Layout};
 use super::figures::{Ages, Quantiles, bytes, median};
 use super::folder::Folder;
-use super::program::Program;
-use super::stages::{Load, Word};
+use super::program::{Program, ages};
+use super::stages::Word;
 
 /// Sizes of the payloads, bytes, with the time between two payloads, us.
 const PAYLOADS: [(usize, u64); 2] = [(64, 1000), (1_200_000, 5000)];
@@ -117,19 +117,10 @@ impl TapCost {
         cores::bind(&all)?;
         let mut program = Program::of(&pipeline(size, period_us, core), &at, &["--no-record"])?;
         cores::bind(&rest)?;
-        let (attached, ages) = program.tap(registry, "sink.ages")?;
+        let (attached, sink) = program.tap(registry, "sink.ages")?;
         let window = || -> Result<Ages, Failure> {
             std::thread::sleep(SETTLE);
-            while ages.next()?.is_some() {}
-            let (begun, mut found) = (std::time::Instant::now(), Ages::default());
-            while begun.elapsed() < length {
-                std::thread::sleep(Duration::from_millis(10));
-                while let Some(sample) = ages.next()? {
-                    if let Ok(view) = sample.pieces().view::<Load>() {
-                        found.take(view.elements.iter().map(|w| w.word));
-                    }
-                }
-            }
+            let found = ages(&sink, length)?;
             match found.whole.is_empty() {
                 true => Err(Failure::failed("no payload arrived in a window: choose a greater --length")),
                 false => Ok(found),
@@ -148,7 +139,7 @@ impl TapCost {
         }
         cores::bind(&all)?;
         // Ports are closed before the run ends.
-        drop((ages, attached));
+        drop((sink, attached));
         program.processes();
         program.end()?;
         Ok(tools.iter().zip(&found).map(|(tool, (without, with))| line(size, *tool, without, with)).collect())
