@@ -9,11 +9,11 @@ use pyo3::prelude::*;
 use serde_json::json;
 use stillpoint_patient::case::{Case, lung, neck, phantom, read};
 use stillpoint_plan::Setups;
-use stillpoint_plan::dose::{CachedBeam, Machine};
+use stillpoint_plan::dose::{CachedBeam, EngineName, Machine};
 use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::fluence::{Options, PlanProblem, solve_plan};
 use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::recipe::{PlanDoses, PlanRequest, PlanSetup, PriorName, SetupSpec};
+use stillpoint_plan::recipe::{PlanDoses, PlanEngine, PlanRequest, PlanSetup, PriorName, SetupSpec};
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 use stillpoint_plan::threads::on_threads;
 
@@ -104,7 +104,7 @@ impl NativeSetup {
     /// Makes a case ready. `objectives` is a table as JSON, followed by the one that comes with stillpoint where `shipped`;
     /// `threads` changes no result.
     #[new]
-    #[pyo3(signature = (case, grid_mm, bixel_mm, objectives, shipped, angles, machine, threads))]
+    #[pyo3(signature = (case, grid_mm, bixel_mm, objectives, shipped, angles, machine, engine, threads))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
@@ -115,6 +115,7 @@ impl NativeSetup {
         shipped: bool,
         angles: u16,
         machine: Option<PathBuf>,
+        engine: &str,
         threads: usize,
     ) -> PyResult<Self> {
         let own = objectives.map(ObjectiveTable::parse).transpose().map_err(raise)?.unwrap_or_default();
@@ -127,7 +128,13 @@ impl NativeSetup {
             }
             None => usual.machine.clone(),
         };
+        // The doses are in the caller's hands, so one method makes all of them.
+        let engine = match engine.parse::<EngineName>().map_err(raise)? {
+            EngineName::Pencil => PlanEngine::Pencil,
+            EngineName::Superposition => PlanEngine::Superposition,
+        };
         let spec = SetupSpec {
+            engine,
             objectives: if shipped { own.before(usual.objectives.clone()) } else { own },
             ring: SetupSpec::ring_of(angles).map_err(raise)?,
             grid_mm,
@@ -152,9 +159,13 @@ impl NativeSetup {
                 "structure": structure.name, "rows": structure.voxels.len(), "objectives": objectives.map_err(raise)?,
             }));
         }
+        let mut notes = setup.objective_set.notes.clone();
+        if setup.engine_name() == EngineName::Pencil {
+            notes.extend(setup.low_density_of_ring().map_err(raise)?.caution());
+        }
         let about = json!({
             "rows": setup.engine().rows(), "points_mm": setup.points_mm(), "prescribed_gy": setup.prescribed_gy(),
-            "notes": setup.objective_set.notes, "structures": structures,
+            "notes": notes, "structures": structures,
         });
         Ok(about.to_string())
     }

@@ -47,6 +47,7 @@ class NativeSetup:
         shipped: bool,
         angles: int,
         machine: str | os.PathLike[str] | None,
+        engine: str,
         threads: int,
     ) -> None: ...
     def about(self) -> str: ...

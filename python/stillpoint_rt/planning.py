@@ -86,17 +86,20 @@ class Case:
         objectives: Objectives | None = None,
         angles: int = 90,
         machine: str | os.PathLike[str] | None = None,
+        engine: str = "pencil",
         threads: int | None = None,
     ) -> Setup:
         """Makes the case ready for plans: points, objectives, dose engine.
 
         `grid_mm` is the spacing of the points whose dose is optimised, `bixel_mm` the width of a bixel. `objectives` go
         before those that come with stillpoint. `angles` is the number of angles that a search may use. `machine` is a
-        machine file. `threads` changes no result.
+        machine file. `engine` is the method by which all doses are computed: `pencil`, or `superposition`, which knows
+        lung and air and takes some seconds a beam. Where pencil beams cross lung or air, `notes` of the result says how wrong
+        they are. `threads` changes no result.
 
         Raises StillpointError: a number is out of range, or the objectives do not fit the case.
         """
-        return Setup(self, grid_mm, bixel_mm, objectives, angles, machine, threads)
+        return Setup(self, grid_mm, bixel_mm, objectives, angles, machine, engine, threads)
 
     def __repr__(self) -> str:
         return f"Case({self.name!r}): {len(self._structures)} structures, prescription {self.prescription}"
@@ -155,6 +158,7 @@ class Setup:
         objectives: Objectives | None,
         angles: int,
         machine: str | os.PathLike[str] | None,
+        engine: str,
         threads: int | None,
     ) -> None:
         self.case = case
@@ -166,13 +170,14 @@ class Setup:
             objectives is None or objectives.shipped,
             angles,
             None if machine is None else os.fspath(machine),
+            engine,
             threads or os.cpu_count() or 1,
         )
         about = json.loads(self._native.about())
         self.points: int = about["rows"]
         """Points: rows of dose matrices."""
         self.notes: list[str] = about["notes"]
-        """What people should know of the objectives."""
+        """What people should know of the objectives, and of the doses."""
         self._structures = about["structures"]
 
     def objectives(self) -> pd.DataFrame:

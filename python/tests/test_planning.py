@@ -55,6 +55,18 @@ def test_the_matrix_is_sparse_by_points_and_bixels(setup, beams):
     assert set(beams.beam_of) == set(range(5)) and beams.bixels_mm.shape == (len(beams), 2)
 
 
+def test_a_chest_by_pencil_beams_has_a_note_and_by_superposition_other_doses():
+    lung = st.Case.phantom(0, "lung")
+    pencil = lung.setup(grid_mm=15, bixel_mm=20, angles=12)
+    assert any("pencil beams" in note for note in pencil.notes)
+    superposition = lung.setup(grid_mm=15, bixel_mm=20, angles=12, engine="superposition")
+    assert not any("pencil beams" in note for note in superposition.notes)
+    sums = [setup.dose([0.0]).sum() for setup in (pencil, superposition)]
+    assert sums[1] != sums[0]
+    with pytest.raises(st.StillpointError, match="pencil, superposition"):
+        lung.setup(engine="cones")
+
+
 def test_the_slope_is_the_difference_quotient_of_the_cost(beams, solved):
     random = np.random.default_rng(0)
     weights = solved.weights + random.random(len(beams))

@@ -157,6 +157,9 @@ pub struct PlanFileDose {
     /// The method by which dose was computed; files of older builds have pencil beams.
     #[serde(default)]
     pub engine: EngineName,
+    /// The method by which dose was computed for the search, where it is another: the objectives of `searches` are by it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub searched_by: Option<EngineName>,
     /// Lung and air on the rays of the bixels that have weight; files of older builds have none.
     #[serde(default)]
     pub low_density: Option<PlanFileLowDensity>,

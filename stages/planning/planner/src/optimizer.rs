@@ -10,10 +10,12 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_plan::beams::Evaluated;
 use stillpoint_plan::check::Fault;
-use stillpoint_plan::dose::{EngineName, Machine};
+use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Fractionation;
-use stillpoint_plan::recipe::{MethodName, PlanRequest as Search, PriorName, RequestError, SetupSpec};
+use stillpoint_plan::recipe::{
+    MethodName, PlanEngine, PlanRequest as Search, PriorName, RequestError, SetupSpec,
+};
 use stillpoint_pool::{Build, Hash, MOST_BYTES};
 use stillpoint_pose::checked_isometry;
 use stillpoint_samples::{
@@ -160,6 +162,9 @@ impl Operator for PlanOptimizer {
         spec.protocol = protocol.clone();
         let limits = Limits { own: limits(&params.limits)?, protocol };
         let patient = Patient::new(case, spec, limits)?;
+        if let Some(caution) = patient.caution()? {
+            tracing::warn!("{caution}");
+        }
         let build = setup
             .is_connected(ANSWERS)
             .then(Build::here)
@@ -517,7 +522,7 @@ fn spec(params: &OptimizerParams, setup: &Setup<'_>) -> Result<SetupSpec, SetupE
     Ok(SetupSpec {
         objectives,
         machine,
-        engine: EngineName::from(params.engine),
+        engine: PlanEngine::from(params.engine),
         grid_mm: params.grid * 1e3,
         bixel_mm: params.bixel * 1e3,
         reach_mm: params.reach * 1e3,

@@ -1,9 +1,8 @@
 //! Parameters of `plan.optimizer`.
 
 use stillpoint_operator::{Choice, Params, SetupError};
-use stillpoint_plan::dose::EngineName;
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
-use stillpoint_plan::recipe::{MethodName, PriorName};
+use stillpoint_plan::recipe::{MethodName, PlanEngine, PriorName};
 
 /// Which plan becomes the standing plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -98,7 +97,7 @@ pub enum EngineChoice {
     Superposition,
 }
 
-impl From<EngineChoice> for EngineName {
+impl From<EngineChoice> for PlanEngine {
     fn from(choice: EngineChoice) -> Self {
         match choice {
             EngineChoice::Pencil => Self::Pencil,

@@ -7,7 +7,7 @@ use stillpoint_patient::couch::patient_from_couch;
 use stillpoint_plan::RowsRef;
 use stillpoint_plan::beams::{Evaluated, Ring};
 use stillpoint_plan::check::Checked;
-use stillpoint_plan::dose::{DoseEngine, DoseError};
+use stillpoint_plan::dose::{DoseEngine, DoseError, EngineName};
 use stillpoint_plan::evaluation::{Evaluation, OnGrid};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::metrics::Dvh;
@@ -97,6 +97,18 @@ impl Patient {
     /// Doses in the planned set-up.
     pub fn engine(&self) -> &DoseEngine {
         self.setup.engine()
+    }
+
+    /// What a person should know of the method by which dose is computed, for plans of any beams of the ring.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn caution(&self) -> Result<Option<String>, SetupError> {
+        if self.setup.engine_name() != EngineName::Pencil {
+            return Ok(None);
+        }
+        let crossed = self.setup.low_density_of_ring().map_err(|e| SetupError(e.to_string()))?;
+        Ok(crossed.caution())
     }
 
     /// Refuses limits of which the case has no quantity, and a protocol of which no limit is on the case.

@@ -1,6 +1,7 @@
 //! The doses of beams over the pool: what the cache lacks is computed by workers.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 use stillpoint_plan::dose::{BeamFile, CacheError, DoseCache, DoseEngine};
 
@@ -9,8 +10,8 @@ use crate::{Call, CallError, Courier, Hash, Home, Pool};
 /// Doses that a pool computed for a cache.
 #[derive(Default)]
 pub struct PoolDoses {
-    /// Engine, by its place, and angle of each call.
-    made: BTreeMap<Hash, (usize, f64)>,
+    /// The file in the cache of each call.
+    made: BTreeMap<Hash, PathBuf>,
 }
 
 impl PoolDoses {
@@ -26,7 +27,7 @@ impl PoolDoses {
         angles_deg: &[f64],
         mut on_dose: impl FnMut(),
     ) -> Result<(), CallError> {
-        for (place, engine) in engines.iter().enumerate() {
+        for engine in engines {
             let mut missing = cache.missing(engine, angles_deg);
             while !missing.is_empty() {
                 let bytes = engine.to_bytes().map_err(CallError::of)?;
@@ -44,10 +45,10 @@ impl PoolDoses {
                         Err(e) => Err(CallError::of(e)),
                     }
                 })?;
-                self.made
-                    .extend(calls.iter().zip(&missing).map(|(call, deg)| (pool.key(call), (place, *deg))));
+                let files = missing.iter().map(|deg| cache.file(engine, *deg));
+                self.made.extend(calls.iter().map(|call| pool.key(call)).zip(files));
                 let tainted = pool.take_tainted();
-                self.remove(cache, engines, &tainted);
+                self.remove(&tainted);
                 // Those in doubt are computed again; one worker fewer is asked each time.
                 missing = if tainted.is_empty() { Vec::new() } else { cache.missing(engine, angles_deg) };
             }
@@ -56,13 +57,10 @@ impl PoolDoses {
     }
 
     /// Removes doses that are in doubt from the cache.
-    pub fn remove(&mut self, cache: &DoseCache, engines: &[DoseEngine], tainted: &BTreeSet<Hash>) {
-        for key in tainted {
-            if let Some((place, deg)) = self.made.remove(key)
-                && let Some(engine) = engines.get(place)
-            {
-                cache.remove(engine, deg);
-            }
+    pub fn remove(&mut self, tainted: &BTreeSet<Hash>) {
+        for file in tainted.iter().filter_map(|key| self.made.remove(key)) {
+            // A file that cannot be removed is reported by whoever needs the folder next.
+            let _ = std::fs::remove_file(file);
         }
     }
 }

@@ -134,7 +134,7 @@ pub fn pooled_with<C: Courier>(water: &Water, pool: &mut Pool<C>, leaves: usize)
         if tainted.is_empty() {
             return (bytes, files(&doses));
         }
-        made.remove(&cache, &engines, &tainted);
+        made.remove(&tainted);
     }
 }
 

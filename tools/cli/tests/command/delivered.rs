@@ -30,7 +30,10 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     session("head-from-ct.yaml", "9s");
     session("head-tracking.yaml", "1s");
     let coarse = ["--angles", "0,120,240", "--grid", "12mm", "--bixel", "20mm", "--dose-grid", "4mm"];
-    run(folder, &[&["plan", &case, "--out", "plan", "--doses", "doses"], &coarse[..]].concat());
+    run(
+        folder,
+        &[&["plan", &case, "--out", "plan", "--doses", "doses", "--engine", "pencil"], &coarse[..]].concat(),
+    );
     run(folder, &[&["plan", "--out", "pelvis", "--doses", "doses", "--fluence-only"], &coarse[..]].concat());
 
     let asked = |session, plan| -> [&str; 9] {

@@ -206,6 +206,37 @@ fn the_command_gives_the_plan_of_the_recipe_of_the_library() {
 
 /// A DVH point and an equivalent uniform dose are optimised by their costs; the plan says what they truly came to.
 #[test]
+fn a_chest_is_searched_by_pencil_beams_and_planned_by_superposition_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = stillpoint(folder.path(), &["case", "phantom", "--site", "lung", "--out", "."]);
+    assert!(case.status.success(), "{}", text(&case.stderr));
+    let asked = ["lung-0.case", "--beams", "2", "--method", "equidistant", "--budget", "3", "--fluence-only"];
+    let coarse = ["--grid", "15mm", "--bixel", "20mm", "--dose-grid", "5mm"];
+    let of = |more: &[&str]| plan_of(folder.path(), &[&asked[..], &coarse, more].concat());
+    let auto = of(&["--out", "auto", "--threads", "1"]);
+    assert_eq!(
+        (&auto["dose"]["engine"], &auto["dose"]["searched_by"]),
+        (&"superposition".into(), &"pencil".into())
+    );
+    assert_eq!(auto["dose"]["low_density"]["caution"], Value::Null);
+    assert_eq!(
+        auto["searches"][0]["history"].as_array().unwrap().len(),
+        3,
+        "the history is that of the search"
+    );
+    let found = auto["searches"][0]["objective"].as_f64().unwrap();
+    assert!(auto["objective"].as_f64().unwrap() > found, "pencil beams promise too much in lung");
+    of(&["--out", "three", "--threads", "3"]);
+    let read = |out: &str| std::fs::read(folder.path().join(out).join("plan.json")).unwrap();
+    assert_eq!(read("auto"), read("three"));
+    let pencil = of(&["--out", "pencil", "--engine", "pencil"]);
+    assert_eq!(pencil["objective"].as_f64().unwrap().to_bits(), found.to_bits());
+    assert!(
+        pencil["dose"]["low_density"]["caution"].is_string() && pencil["dose"].get("searched_by").is_none()
+    );
+}
+
+#[test]
 fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
     let folder = tempfile::tempdir().unwrap();
     let own = r#"{"objectives": [{"match": ["Rectum"], "wanted": [

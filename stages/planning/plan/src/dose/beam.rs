@@ -4,7 +4,6 @@
 //! Med. Phys. 20 (1993) 311, (8)-(10)), with the depth dose at the voxel's radiological depth, the lateral dose at its
 //! distance from the bixel's axis as seen on the isocentre plane, and `r` its distance from the source.
 
-use super::bixels;
 use super::depth::{LitVoxel, depths_mm, skin_distance_mm};
 use super::engine::{DoseEngine, Fluence};
 use super::error::DoseError;
@@ -50,10 +49,7 @@ impl Aim {
     pub fn at(engine: &DoseEngine, gantry_deg: f64, motion: Option<&Motion>) -> Result<Self, DoseError> {
         let (params, machine) = (&engine.params, &engine.machine);
         let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
-        let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
-        let spec = &params.bixels;
-        let bixels_mm =
-            bixels::positions(&planned, &engine.target_mm, spec, engine.image_spacing_mm, &engine.outline);
+        let bixels_mm = engine.bixels_mm(gantry_deg)?;
         if bixels_mm.is_empty() {
             return Err(DoseError::NoBixel { gantry_deg });
         }

@@ -126,10 +126,9 @@ impl DoseCache {
         }
     }
 
-    /// Removes a dose from the folder, if it is there: it is computed again when it is needed.
-    pub fn remove(&self, engine: &DoseEngine, gantry_deg: f64) {
-        // A file that cannot be removed is told by whoever needs the folder next.
-        let _ = std::fs::remove_file(self.place(&engine_key(engine), gantry_deg).1);
+    /// The file of a dose, whether it is there or not. Who removes it has the dose computed again when it is needed.
+    pub fn file(&self, engine: &DoseEngine, gantry_deg: f64) -> PathBuf {
+        self.place(&engine_key(engine), gantry_deg).1
     }
 
     fn place(&self, engine_key: &Key, gantry_deg: f64) -> (Key, PathBuf) {

@@ -243,6 +243,17 @@ impl DoseEngine {
         in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
     }
 
+    /// Centres of the bixels of a beam, on the isocentre plane, mm. No dose is computed.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn bixels_mm(&self, gantry_deg: f64) -> Result<Vec<[f64; 2]>, DoseError> {
+        let gantry_deg = self.checked_angle(gantry_deg)?;
+        let frame = BeamFrame::new(gantry_deg, self.position, self.isocentre_mm, self.machine.file().sad_mm);
+        let spec = &self.params.bixels;
+        Ok(bixels::positions(&frame, &self.target_mm, spec, self.image_spacing_mm, &self.outline))
+    }
+
     /// Part of each of these bixels (centres in mm) whose rays do not cross the patient as he was planned.
     ///
     /// # Errors

@@ -31,13 +31,18 @@ impl LowDensity {
         }
     }
 
+    /// Part of the bixels whose ray crosses lung or air.
+    pub fn share(&self) -> f64 {
+        self.crossing as f64 / self.bixels.max(1) as f64
+    }
+
     /// What a person should know of doses by pencil beams there; nothing where no bixel crosses lung or air.
     pub fn caution(&self) -> Option<String> {
         (self.crossing > 0).then(|| {
             format!(
                 "dose by pencil beams, which do not know lung and air: {} of {} bixels cross up to {:.0} mm of it before they \
                  leave the target. In a field of 2 cm, pencil beams give about 40 % too much in lung, 20 % too much at the \
-                 edge of a tumour in lung, and 60 % too much on a wall behind 2 cm of air; take `--engine superposition`",
+                 edge of a tumour in lung, and 60 % too much on a wall behind 2 cm of air; the engine `superposition` knows both",
                 self.crossing, self.bixels, self.longest_mm
             )
         })

@@ -15,13 +15,14 @@
 //!
 //! - `name`: the names of methods and priors
 //! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
-//! - `doses`: the doses of the beams of a set-up
+//! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
 //! - `plan`: all of it in one call
 //! - `delivery`: the check of a plan before it leaves
 
 mod delivery;
 mod doses;
+mod engine;
 mod name;
 mod plan;
 mod request;
@@ -31,6 +32,7 @@ mod spec;
 
 pub use delivery::Delivery;
 pub use doses::PlanDoses;
+pub use engine::{LEAST_SHARE_CROSSING, PlanEngine};
 pub use name::{MethodName, PriorName, UnknownName};
 pub use plan::{PlanError, Planned, plan};
 pub use request::{BUDGET, MOST_LEAVES, PROPOSALS, PlanRequest, RequestError};

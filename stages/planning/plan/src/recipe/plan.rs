@@ -50,7 +50,8 @@ impl Planned {
     }
 }
 
-/// Plans a case: the doses are computed in memory.
+/// Plans a case: the doses are computed in memory. By [`super::PlanEngine::Auto`] the beams that were found are planned again
+/// by superposition where they need it: the doses and the fluence are those, and the history is that of the search.
 ///
 /// # Errors
 /// The case or the request cannot be planned.
@@ -62,5 +63,17 @@ pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planne
         let second = doses.second_player(&setup);
         search.run(search.evaluator(&setup, &doses, second.as_ref()))?
     };
-    Ok(Planned { setup, doses, run })
+    let found = &run.choice.best;
+    let engine = setup.engine_of_plan(found, &doses).map_err(SetupError::Dose)?;
+    if engine == setup.engine_name() {
+        return Ok(Planned { setup, doses, run });
+    }
+    let again = search.of_beams(&found.beams);
+    let setup = setup.by(engine)?;
+    let doses = PlanDoses::compute(&setup, &again.needed_beams(), search.threads)?;
+    let solved = {
+        let second = doses.second_player(&setup);
+        again.run(again.evaluator(&setup, &doses, second.as_ref()))?
+    };
+    Ok(Planned { setup, doses, run: PlanRun { choice: solved.choice, ..run } })
 }

@@ -108,6 +108,18 @@ impl PlanSearch {
         evaluator.with_threads(self.threads).with_leaves(self.leaves)
     }
 
+    /// The search whose only set of beams is this: the plan of its beams on other doses.
+    pub fn of_beams(&self, beams: &BeamSet) -> Self {
+        let angles_deg = beams.beams().iter().map(|beam| self.ring.angle_deg(*beam)).collect();
+        Self {
+            method: Method::Sets(vec![angles_deg]),
+            budget: 1,
+            leaves: NonZeroUsize::MIN,
+            mixture: None,
+            ..*self
+        }
+    }
+
     /// Searches until the method ends or the evaluator stops it.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::spec::{PointScheme, RobustBy, SetupSpec};
 use crate::beams::RingError;
-use crate::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, MachineError};
+use crate::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, EngineName, MachineError};
 use crate::fluence::Goals;
 use crate::objectives::{ObjectiveSet, ObjectiveSetError, TableError};
 use crate::protocol::Served;
@@ -84,12 +84,6 @@ impl PlanSetup {
             PointScheme::EveryVoxel => Sampling::every_voxel_of(&case, spec.grid_mm)?,
             PointScheme::Thinned => Sampling::thinned(&case, spec.grid_mm)?,
         };
-        let usual = BixelSpec::of_width(spec.bixel_mm);
-        let bixels =
-            BixelSpec { margin_mm: usual.margin_mm + spec.reach_mm, inside_mm: spec.inside_mm, ..usual };
-        let over = DoseParams::over(case.grid(), spec.grid_mm);
-        let params = DoseParams { grid: *sampling.grid(), bixels, engine: spec.engine, ..over };
-        let engine = sampling.engine(&DoseEngine::of_case(&case, spec.machine.clone(), params)?);
         let mut objective_set = spec.objectives.for_points(&case, &sampling)?;
         let served = match &spec.protocol {
             Some(protocol) => protocol.serve(&case, &mut objective_set.structures),
@@ -98,15 +92,34 @@ impl PlanSetup {
         let is_game = spec.robust_by == RobustBy::Worst;
         let goals = objective_set.goals(if is_game { 1 } else { 1 + spec.errors_mm.len() })?;
         let parts = is_game.then(|| objective_set.parts()).transpose()?;
+        let of_search = spec.engine.of_search();
+        let setup =
+            Self { case, hash, spec, sampling, objective_set, served, goals, parts, engines: Vec::new() };
+        setup.by(of_search)
+    }
+
+    /// The same with doses by another method.
+    ///
+    /// # Errors
+    /// The machine has no kernels, or no dose can be computed.
+    pub fn by(self, engine: EngineName) -> Result<Self, SetupError> {
+        let spec = &self.spec;
+        let usual = BixelSpec::of_width(spec.bixel_mm);
+        let bixels =
+            BixelSpec { margin_mm: usual.margin_mm + spec.reach_mm, inside_mm: spec.inside_mm, ..usual };
+        let over = DoseParams::over(self.case.grid(), spec.grid_mm);
+        let params = DoseParams { grid: *self.sampling.grid(), bixels, engine, ..over };
+        let planned = DoseEngine::of_case(&self.case, spec.machine.clone(), params)?;
+        let planned = self.sampling.engine(&planned);
         let mut engines = Vec::with_capacity(1 + spec.errors_mm.len());
         if !spec.errors_mm.is_empty() {
-            let moving = engine.within(objective_set.followed());
+            let moving = planned.within(self.objective_set.followed());
             for shift_mm in &spec.errors_mm {
                 engines.push(moving.shifted(*shift_mm)?);
             }
         }
-        engines.insert(0, engine);
-        Ok(Self { case, hash, spec, sampling, objective_set, served, goals, parts, engines })
+        engines.insert(0, planned);
+        Ok(Self { engines, ..self })
     }
 
     /// The engine of the points in the planned set-up.

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::engine::PlanEngine;
 use super::setup::SetupError;
 use crate::beams::{Ring, RingError};
-use crate::dose::{EngineName, Machine};
+use crate::dose::Machine;
 use crate::objectives::ObjectiveTable;
 use crate::protocol::Protocol;
 
@@ -24,8 +25,8 @@ pub struct SetupSpec {
     pub protocol: Option<Protocol>,
     /// The machine.
     pub machine: Machine,
-    /// The method by which dose is computed.
-    pub engine: EngineName,
+    /// The rule for the method by which dose is computed.
+    pub engine: PlanEngine,
     /// Spacing of the points whose dose is optimised, mm.
     pub grid_mm: f64,
     /// Width of a bixel, mm.
@@ -79,7 +80,7 @@ impl SetupSpec {
             objectives: ObjectiveTable::shipped()?,
             protocol: None,
             machine: Machine::shipped()?,
-            engine: EngineName::Pencil,
+            engine: PlanEngine::Auto,
             grid_mm: 5.0,
             bixel_mm: 10.0,
             reach_mm: 0.0,

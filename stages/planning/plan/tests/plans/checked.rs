@@ -6,7 +6,7 @@ use stillpoint_patient::case::neck;
 use stillpoint_plan::check::{Checked, Fault};
 use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::evaluation::StructureDose;
-use stillpoint_plan::recipe::{Delivery, PlanRequest, Planned, SetupSpec, plan};
+use stillpoint_plan::recipe::{Delivery, PlanEngine, PlanRequest, Planned, SetupSpec, plan};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 const THREADS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
@@ -14,7 +14,8 @@ const THREADS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
 fn planned() -> Planned {
     let request =
         PlanRequest { threads: THREADS, ..PlanRequest::of_angles(vec![0.0, 72.0, 144.0, 216.0, 288.0]) };
-    plan(neck(0).unwrap(), SetupSpec::shipped().unwrap(), &request).unwrap()
+    let spec = SetupSpec { engine: PlanEngine::Pencil, ..SetupSpec::shipped().unwrap() };
+    plan(neck(0).unwrap(), spec, &request).unwrap()
 }
 
 fn fluences(planned: &Planned) -> Vec<BeamFluence> {

@@ -3,19 +3,23 @@
 use std::num::NonZeroUsize;
 use std::time::Instant;
 
-use stillpoint_patient::case::{Case, Role, lung, read};
-use stillpoint_plan::dose::{DoseParams, EngineName};
+use stillpoint_patient::case::{Case, Role, lung, neck, phantom, read};
+use stillpoint_plan::dose::{DoseParams, EngineName, Machine};
 use stillpoint_plan::evaluation::{OnGrid, StructureDose};
-use stillpoint_plan::recipe::{PlanRequest, Planned, SetupSpec, plan};
+use stillpoint_plan::recipe::{PlanEngine, PlanRequest, Planned, SetupSpec, plan};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 const THREADS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
 
-fn planned(case: Case, engine: EngineName, grid_mm: f64) -> Planned {
+fn planned(case: Case, engine: PlanEngine, grid_mm: f64) -> Planned {
     let spec = SetupSpec { engine, grid_mm, ..SetupSpec::shipped().unwrap() };
     let request =
         PlanRequest { threads: THREADS, ..PlanRequest::of_angles(vec![0.0, 72.0, 144.0, 216.0, 288.0]) };
     plan(case, spec, &request).unwrap()
+}
+
+fn coarse(engine: PlanEngine) -> SetupSpec {
+    SetupSpec { engine, grid_mm: 15.0, bixel_mm: 20.0, ..SetupSpec::shipped().unwrap() }
 }
 
 fn fluences(planned: &Planned) -> Vec<BeamFluence> {
@@ -51,7 +55,7 @@ fn after_optimisation() {
         Err(_) => (0..2).map(|seed| lung(seed).unwrap()).collect(),
     };
     for case in cases {
-        for engine in EngineName::ALL {
+        for engine in [PlanEngine::Pencil, PlanEngine::Superposition] {
             let before = Instant::now();
             let plan = planned(case.clone(), engine, 5.0);
             let took_s = before.elapsed().as_secs_f64();
@@ -70,11 +74,43 @@ fn after_optimisation() {
 
 #[test]
 fn a_plan_by_pencil_beams_promises_a_tumour_in_lung_more_than_it_gets() {
-    let plan = planned(lung(0).unwrap(), EngineName::Pencil, 12.0);
+    let plan = planned(lung(0).unwrap(), PlanEngine::Pencil, 12.0);
     let of = |engine| targets(&plan, engine, 5.0).into_iter().find(|f| f.name == "PTV").unwrap();
     let (believed, is) = (of(EngineName::Pencil), of(EngineName::Superposition));
     let lungs = plan.setup.objective_set.structures.iter().find(|of| of.name == "Lungs").unwrap();
     assert_eq!(lungs.objectives.len(), 2, "limits on both lungs are served");
     assert!(believed.d95_gy > 50.0, "{believed:?}");
     assert!(is.d95_gy < 0.97 * believed.d95_gy, "{} Gy, by superposition {} Gy", believed.d95_gy, is.d95_gy);
+}
+
+#[test]
+fn by_itself_a_plan_in_lung_is_searched_by_pencil_beams_and_made_by_superposition() {
+    let request = PlanRequest { threads: THREADS, ..PlanRequest::of_angles(vec![0.0, 120.0, 240.0]) };
+    let by = |engine| plan(lung(0).unwrap(), coarse(engine), &request).unwrap();
+    let [auto, by_hand, pencil] = [PlanEngine::Auto, PlanEngine::Superposition, PlanEngine::Pencil].map(by);
+    assert_eq!(auto.setup.engine_name(), EngineName::Superposition);
+    assert_eq!(auto.best().cost.to_bits(), by_hand.best().cost.to_bits(), "the plan of these angles by hand");
+    assert_eq!(fluences(&auto)[0].weights, fluences(&by_hand)[0].weights);
+    // The history is that of the search.
+    assert_eq!(auto.run.history[0].cost.to_bits(), pencil.run.history[0].cost.to_bits());
+    assert!(auto.best().cost > pencil.best().cost, "{} and {}", auto.best().cost, pencil.best().cost);
+}
+
+#[test]
+fn by_itself_a_pelvis_stays_with_pencil_beams_and_a_neck_does_not() {
+    let request = PlanRequest::of_angles(vec![0.0, 120.0, 240.0]);
+    let by = |case: Case| plan(case, coarse(PlanEngine::Auto), &request).unwrap().setup.engine_name();
+    assert_eq!(by(phantom(0).unwrap()), EngineName::Pencil);
+    assert_eq!(by(neck(0).unwrap()), EngineName::Superposition);
+}
+
+#[test]
+fn by_itself_a_machine_without_kernels_stays_with_pencil_beams() {
+    let mut file = Machine::shipped().unwrap().file().clone();
+    file.superposition = None;
+    let spec = SetupSpec { machine: Machine::new(file).unwrap(), ..coarse(PlanEngine::Auto) };
+    let made = plan(lung(0).unwrap(), spec, &PlanRequest::of_angles(vec![0.0, 180.0])).unwrap();
+    assert_eq!(made.setup.engine_name(), EngineName::Pencil);
+    let crossed = made.setup.low_density(made.best(), &made.doses.solved).unwrap();
+    assert!(crossed.caution().is_some(), "{crossed:?}");
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::names::name_fits;
 use super::position::PatientPosition;
 use super::structure::{Role, Structure};
 use super::uid::Uids;
@@ -216,6 +217,13 @@ impl Case {
     /// Whether it is a pelvis: it has a rectum or a bladder.
     pub fn is_pelvis(&self) -> bool {
         ["Rectum", "Bladder"].into_iter().any(|name| self.structure(name).is_some())
+    }
+
+    /// Whether it is a head or a neck: it has an eye, a brainstem, a parotid gland, or a larynx.
+    pub fn is_head_or_neck(&self) -> bool {
+        let names = ["Parotid*", "*Parotid", "Brainstem", "Larynx", "Eye_L", "Eye_R"];
+        let here = |s: &Structure| names.iter().any(|pattern| name_fits(pattern, &s.name));
+        self.parts.structures.iter().any(here)
     }
 
     /// The targets.

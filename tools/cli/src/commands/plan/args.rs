@@ -5,8 +5,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use stillpoint_plan::dose::EngineName;
-use stillpoint_plan::recipe::{MethodName, PlanRequest, PriorName, RobustBy};
+use stillpoint_plan::recipe::{MethodName, PlanEngine, PlanRequest, PriorName, RobustBy};
 
 use crate::pool::PoolArgs;
 
@@ -61,9 +60,9 @@ pub struct PlanArgs {
     /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     pub(super) machine: Option<PathBuf>,
-    /// Method by which dose is computed, of the search and of the plan.
-    #[arg(long, value_parser = names(&EngineName::ALL, EngineName::word, EngineName::about), default_value = "pencil")]
-    pub(super) engine: EngineName,
+    /// Method by which dose is computed.
+    #[arg(long, value_parser = names(&PlanEngine::ALL, PlanEngine::word, PlanEngine::about), default_value = "auto")]
+    pub(super) engine: PlanEngine,
     /// Do not sequence the fluence for the leaves of the machine. The RTPLAN then has no segments and no monitor units.
     #[arg(long)]
     pub(super) fluence_only: bool,

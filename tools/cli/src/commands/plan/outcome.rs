@@ -100,8 +100,9 @@ impl<'a> Outcome<'a> {
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
         let leaves = Leaves::new(request, prepared, run, &recompute, &on_grid)?;
+        let low_density = request.setup.low_density(best, &prepared.doses.solved);
         Ok(Self {
-            low_density: low_density(request, prepared, run)?,
+            low_density: low_density.map_err(Failure::failed)?,
             checked: checked(request, prepared, run, leaves.as_ref())?,
             leaves,
             run,
@@ -137,7 +138,7 @@ impl<'a> Outcome<'a> {
 
     /// What a person should know of the method by which dose was computed.
     pub fn caution(&self, request: &Request) -> Option<String> {
-        match request.setup.spec.engine {
+        match request.setup.engine_name() {
             EngineName::Pencil => self.low_density.caution(),
             EngineName::Superposition => None,
         }
@@ -212,6 +213,7 @@ impl<'a> Outcome<'a> {
                 bixel_mm: params.bixels.width_mm,
                 cutoff_mm: params.cutoff_mm,
                 engine: params.engine,
+                searched_by: request.searched_by,
                 low_density: Some(PlanFileLowDensity {
                     bixels: self.low_density.bixels,
                     crossing: self.low_density.crossing,
@@ -304,21 +306,6 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),
     }
-}
-
-/// Lung and air on the rays of the bixels that have weight.
-fn low_density(request: &Request, prepared: &Prepared, run: &PlanRun) -> Result<LowDensity, Failure> {
-    let (best, setup) = (&run.choice.best, &request.setup);
-    let mut sum = LowDensity::default();
-    for beam in best.beams.beams() {
-        let weights = best.weights_of(*beam).unwrap_or_default();
-        let bixels = prepared.doses.solved.bixels_mm(*beam).iter().zip(weights);
-        let lit: Vec<[f64; 2]> =
-            bixels.filter(|(_, weight)| **weight > 0.0).map(|(bixel, _)| *bixel).collect();
-        let of_beam = setup.engine().low_density(setup.spec.ring.angle_deg(*beam), &lit);
-        sum = sum.and(of_beam.map_err(Failure::failed)?);
-    }
-    Ok(sum)
 }
 
 /// What the check of a plan finds: of what is exported, the segments where there are some.

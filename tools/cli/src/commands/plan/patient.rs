@@ -40,32 +40,25 @@ pub fn plan(
     patient: &Patient<'_>,
     report: impl FnOnce(Made<'_>) -> Result<(), Failure>,
 ) -> Ended {
-    let request = Request::new(args, patient)?;
+    let mut request = Request::new(args, patient)?;
     folder::make_ready(&request.out)?;
     let began = Instant::now();
     let mut pooled = args.pool.open()?.map(Pooled::new);
-    let (prepared, runs, doses_s) = loop {
-        let begun = Instant::now();
-        let prepared = Prepared::new(&request, pooled.as_mut())?;
-        let doses_s = begun.elapsed().as_secs_f64();
-        if !request.quiet {
-            prepared.print_notes(&request);
-        }
-        let runs = search::all(&request, &prepared, pooled.as_mut())?;
-        let Some(pooled) = &mut pooled else { break (prepared, runs, doses_s) };
+    let Searched { request, prepared, runs, best, doses_s } = loop {
+        let searched = searched(request, pooled.as_mut())?;
+        let Some(pooled) = &mut pooled else { break searched };
         pooled.print_news();
-        if !pooled.is_in_doubt(&request.doses, request.setup.engines())? {
-            if !request.quiet {
-                pooled.print_notes(&runs.0);
+        if !pooled.is_in_doubt() {
+            if !searched.request.quiet {
+                pooled.print_notes(&searched.runs.0);
             }
-            break (prepared, runs, doses_s);
+            break searched;
         }
         errln!("pool: the plan is made again without the answers of workers that were shut out");
+        request = Request::new(args, patient)?;
     };
-    let (Some(best), chosen_s) = (best(&runs.0), began.elapsed().as_secs_f64() - doses_s) else {
-        return Err(Failure::failed("no method was run"));
-    };
-    let outcome = Outcome::new(&request, &prepared, best)?;
+    let chosen_s = began.elapsed().as_secs_f64() - doses_s;
+    let outcome = Outcome::new(&request, &prepared, &best)?;
     let files = folder::write(&request, &prepared, &runs.0, &outcome)?;
     let is_refused = outcome.is_refused(&request);
     report(Made {
@@ -79,6 +72,49 @@ pub fn plan(
         all_s: began.elapsed().as_secs_f64(),
     })?;
     Ok(if is_refused { Exit::Refused } else { Exit::Done })
+}
+
+/// Beams that were searched, and their plan.
+struct Searched {
+    /// The request, with doses by the method of the plan.
+    request: Request,
+    /// What the plan is made on.
+    prepared: Prepared,
+    /// The searches.
+    runs: search::Runs,
+    /// The best of them, with the fluence of the plan.
+    best: PlanRun,
+    /// Seconds that the doses took.
+    doses_s: f64,
+}
+
+/// Searches, and solves the fluence of the beams that were found again where the plan is by another method.
+fn searched(request: Request, mut pooled: Option<&mut Pooled>) -> Result<Searched, Failure> {
+    let begun = Instant::now();
+    let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
+    let mut doses_s = begun.elapsed().as_secs_f64();
+    if !request.quiet {
+        prepared.print_notes(&request);
+    }
+    let runs = search::all(&request, &prepared, pooled.as_deref_mut())?;
+    let Some(best) = best(&runs.0).cloned() else { return Err(Failure::failed("no method was run")) };
+    let engine = request.setup.engine_of_plan(&best.choice.best, &prepared.doses).map_err(Failure::failed)?;
+    if engine == request.setup.engine_name() {
+        return Ok(Searched { request, prepared, runs, best, doses_s });
+    }
+    drop(prepared);
+    if !request.quiet {
+        outln!(
+            "the beams that were found cross lung or air, or are those of a head or neck: their plan is by {engine}"
+        );
+    }
+    let request = request.by(engine, &best)?;
+    let begun = Instant::now();
+    let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
+    doses_s += begun.elapsed().as_secs_f64();
+    let (solved, _) = search::all(&request, &prepared, pooled)?;
+    let Some(solved) = solved.into_iter().next() else { return Err(Failure::failed("no method was run")) };
+    Ok(Searched { request, prepared, runs, best: PlanRun { choice: solved.choice, ..best }, doses_s })
 }
 
 /// The run with the least cost, the first among equals.

@@ -1,13 +1,10 @@
 //! Planning on a pool of workers: the same plan, computed elsewhere.
 
-use std::path::Path;
-
 use stillpoint_plan::dose::{DoseCache, DoseEngine};
 use stillpoint_plan::recipe::{MOST_LEAVES, PlanRun};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Pool, PoolDoses};
 
-use crate::exit::Failure;
 use crate::pool::print_shares;
 
 /// A pool, and the doses that it computed.
@@ -39,17 +36,10 @@ impl Pooled {
 
     /// Whether answers of a worker that was shut out are part of what was computed: then it must be computed again.
     /// Their doses are removed from the folder.
-    ///
-    /// # Errors
-    /// The folder cannot be used.
-    pub fn is_in_doubt(&mut self, folder: &Path, engines: &[DoseEngine]) -> Result<bool, Failure> {
+    pub fn is_in_doubt(&mut self) -> bool {
         let tainted = self.pool.take_tainted();
-        if tainted.is_empty() {
-            return Ok(false);
-        }
-        let cache = DoseCache::in_folder(folder).map_err(Failure::failed)?;
-        self.made.remove(&cache, engines, &tainted);
-        Ok(true)
+        self.made.remove(&tainted);
+        !tainted.is_empty()
     }
 
     /// Tells on standard error what happened to workers.

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use stillpoint_dicom::CaseIdentity;
 use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
-use stillpoint_plan::dose::{Collimator, Machine};
+use stillpoint_plan::dose::{Collimator, EngineName, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
-    MethodName, PlanRequest, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
+    MethodName, PlanRequest, PlanRun, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
 };
 use stillpoint_planner::protocol;
 
@@ -37,6 +37,8 @@ pub struct Request {
     pub setup: PlanSetup,
     /// The searches, one for each method.
     pub searches: Vec<PlanSearch>,
+    /// The method by which dose was computed for the search, where it is not that of the plan.
+    pub searched_by: Option<EngineName>,
     /// Beams of the plan.
     pub beams: usize,
     /// Most solves of a method.
@@ -98,6 +100,7 @@ impl Request {
             setups_mm: setup.setups_mm(),
             setup,
             searches,
+            searched_by: None,
             beams,
             budget,
             protocol_note,
@@ -121,6 +124,19 @@ impl Request {
     /// The limits that the plan aims at and is compared with.
     pub fn protocol(&self) -> Option<&Protocol> {
         self.setup.spec.protocol.as_ref()
+    }
+
+    /// The same request for the beams of a search that has ended, with doses by another method.
+    ///
+    /// # Errors
+    /// No dose can be computed.
+    pub fn by(self, engine: EngineName, found: &PlanRun) -> Result<Self, Failure> {
+        let again = self.searches.iter().find(|search| search.name == found.name);
+        let again = again.map(|search| search.of_beams(&found.choice.best.beams));
+        let searches = again.into_iter().collect();
+        let searched_by = Some(self.setup.engine_name());
+        let setup = self.setup.by(engine).map_err(Failure::failed)?;
+        Ok(Self { setup, searches, searched_by, ..self })
     }
 
     /// Beams that need a dose.

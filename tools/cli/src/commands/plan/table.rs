@@ -39,10 +39,17 @@ pub fn print(
     if let Some(text) = outcome.worst_case(request) {
         outln!("{text}");
     }
+    if let Some(searched_by) = request.searched_by {
+        let found = runs.iter().map(|run| run.choice.best.solved_cost()).fold(f64::INFINITY, f64::min);
+        outln!(
+            "searched by the engine {searched_by} (objective {found:.4}); fluence and dose by {}",
+            request.setup.engine_name()
+        );
+    }
     outln!();
     outln!(
         "dose ({}) recomputed on a grid of {:.2} mm:\n",
-        request.setup.spec.engine,
+        request.setup.engine_name(),
         outcome.grid().spacing_mm[0]
     );
     if let Some(caution) = outcome.caution(request) {

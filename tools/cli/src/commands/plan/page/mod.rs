@@ -91,7 +91,7 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
     let which = if outcome.leaves.is_some() { "segments" } else { "planned fluence" };
     let message = format!(
         "Figures, slices and limits are of the dose of the {which}, computed by the engine {} on a grid of {:.2} mm.",
-        request.setup.spec.engine,
+        request.setup.engine_name(),
         outcome.grid().spacing_mm[0]
     );
     let mut blocks = vec![Block::Tiles(tiles), Block::Text(message)];

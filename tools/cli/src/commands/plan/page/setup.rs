@@ -43,7 +43,11 @@ fn prescription(request: &Request) -> Table {
         "machine",
         format!("{} MV, source to axis {} mm; {}", machine.energy_mv, machine.sad_mm, machine.provenance),
     );
-    row("dose engine", format!("{}: {}", request.setup.spec.engine, request.setup.spec.engine.about()));
+    let engine = request.setup.engine_name();
+    row("dose engine", format!("{engine}: {}", engine.about()));
+    if let Some(searched_by) = request.searched_by {
+        row("dose engine of the search", format!("{searched_by}: {}", searched_by.about()));
+    }
     row(
         "leaves",
         match request.collimator() {
