@@ -161,7 +161,8 @@ impl NativeSetup {
         }
         let mut notes = setup.objective_set.notes.clone();
         if setup.engine_name() == EngineName::Pencil {
-            notes.extend(setup.low_density_of_ring().map_err(raise)?.caution());
+            let beams: Vec<u16> = (0..setup.spec.ring.count()).collect();
+            notes.extend(setup.low_density_of(&beams).map_err(raise)?.caution());
         }
         let about = json!({
             "rows": setup.engine().rows(), "points_mm": setup.points_mm(), "prescribed_gy": setup.prescribed_gy(),

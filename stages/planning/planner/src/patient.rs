@@ -107,8 +107,12 @@ impl Patient {
         if self.setup.engine_name() != EngineName::Pencil {
             return Ok(None);
         }
-        let crossed = self.setup.low_density_of_ring().map_err(|e| SetupError(e.to_string()))?;
+        let crossed = self.setup.low_density_of(&self.all_beams()).map_err(|e| SetupError(e.to_string()))?;
         Ok(crossed.caution())
+    }
+
+    fn all_beams(&self) -> Vec<u16> {
+        (0..self.ring().count()).collect()
     }
 
     /// Refuses limits of which the case has no quantity, and a protocol of which no limit is on the case.

@@ -3,12 +3,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::doses::PlanDoses;
 use super::setup::PlanSetup;
 use crate::beams::{Evaluated, RingDoses};
 use crate::dose::{DoseError, EngineName, LowDensity, UnknownEngine};
 
-/// Share of the bixels with weight that cross lung or air from which on a plan is made by superposition.
+/// Share of the bixels of a plan that cross lung or air from which on a plan is made by superposition.
 pub const LEAST_SHARE_CROSSING: f64 = 0.05;
 
 /// A rule for the method by which dose is computed.
@@ -81,19 +80,33 @@ impl PlanSetup {
         self.engine().params().engine
     }
 
-    /// The method by which the plan of a search is to be made: that of the search, or superposition by
+    /// The method by which a plan of these beams is to be made: that of the search, or superposition by
     /// [`PlanEngine::Auto`] where the machine has kernels.
     ///
     /// # Errors
     /// An angle out of range.
-    pub fn engine_of_plan(&self, found: &Evaluated, doses: &PlanDoses) -> Result<EngineName, DoseError> {
+    pub fn engine_of_plan(&self, beams: &[u16]) -> Result<EngineName, DoseError> {
         let has_kernels = self.spec.machine.file().superposition.is_some();
         if self.spec.engine != PlanEngine::Auto || !has_kernels {
             return Ok(self.engine_name());
         }
-        let crosses = self.low_density(found, &doses.solved)?.share() >= LEAST_SHARE_CROSSING;
-        let needs_superposition = crosses || self.case.is_head_or_neck();
-        Ok(if needs_superposition { EngineName::Superposition } else { self.engine_name() })
+        let needs_superposition =
+            self.case.is_head_or_neck() || self.low_density_of(beams)?.share() >= LEAST_SHARE_CROSSING;
+        Ok(if needs_superposition { EngineName::Superposition } else { EngineName::Pencil })
+    }
+
+    /// Lung and air on the rays of all bixels of these beams.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn low_density_of(&self, beams: &[u16]) -> Result<LowDensity, DoseError> {
+        let mut sum = LowDensity::default();
+        for beam in beams {
+            let gantry_deg = self.spec.ring.angle_deg(*beam);
+            let bixels_mm = self.engine().bixels_mm(gantry_deg)?;
+            sum = sum.and(self.engine().low_density(gantry_deg, &bixels_mm)?);
+        }
+        Ok(sum)
     }
 
     /// Lung and air on the rays of the bixels of a plan that have weight.
@@ -107,20 +120,6 @@ impl PlanSetup {
             let lit = doses.bixels_mm(*beam).iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
             let lit: Vec<[f64; 2]> = lit.map(|(bixel, _)| *bixel).collect();
             sum = sum.and(self.engine().low_density(self.spec.ring.angle_deg(*beam), &lit)?);
-        }
-        Ok(sum)
-    }
-
-    /// Lung and air on the rays of all bixels of all beams of the ring: what a plan of any beams may cross.
-    ///
-    /// # Errors
-    /// An angle out of range.
-    pub fn low_density_of_ring(&self) -> Result<LowDensity, DoseError> {
-        let mut sum = LowDensity::default();
-        for beam in 0..self.spec.ring.count() {
-            let gantry_deg = self.spec.ring.angle_deg(beam);
-            let bixels_mm = self.engine().bixels_mm(gantry_deg)?;
-            sum = sum.and(self.engine().low_density(gantry_deg, &bixels_mm)?);
         }
         Ok(sum)
     }

@@ -57,14 +57,18 @@ impl Planned {
 /// The case or the request cannot be planned.
 pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planned, PlanError> {
     let search = request.check(&case, spec.ring)?;
-    let setup = PlanSetup::new(case, spec)?;
+    let mut setup = PlanSetup::new(case, spec)?;
+    if let Some(beams) = search.only_beams() {
+        let engine = setup.engine_of_plan(&beams).map_err(SetupError::Dose)?;
+        setup = setup.by(engine)?;
+    }
     let doses = PlanDoses::compute(&setup, &search.needed_beams(), search.threads)?;
     let run = {
         let second = doses.second_player(&setup);
         search.run(search.evaluator(&setup, &doses, second.as_ref()))?
     };
     let found = &run.choice.best;
-    let engine = setup.engine_of_plan(found, &doses).map_err(SetupError::Dose)?;
+    let engine = setup.engine_of_plan(found.beams.beams()).map_err(SetupError::Dose)?;
     if engine == setup.engine_name() {
         return Ok(Planned { setup, doses, run });
     }

@@ -83,6 +83,12 @@ impl PlanSearch {
         }
     }
 
+    /// The beams of the plan, rising, where they are known without a search.
+    pub fn only_beams(&self) -> Option<Vec<u16>> {
+        let beams = self.needed_beams();
+        (beams.len() == self.beams).then_some(beams)
+    }
+
     /// The evaluator of the search on the doses of a set-up.
     pub fn evaluator<'a>(
         &self,

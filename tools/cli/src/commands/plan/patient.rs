@@ -98,7 +98,7 @@ fn searched(request: Request, mut pooled: Option<&mut Pooled>) -> Result<Searche
     }
     let runs = search::all(&request, &prepared, pooled.as_deref_mut())?;
     let Some(best) = best(&runs.0).cloned() else { return Err(Failure::failed("no method was run")) };
-    let engine = request.setup.engine_of_plan(&best.choice.best, &prepared.doses).map_err(Failure::failed)?;
+    let engine = request.setup.engine_of_plan(best.choice.best.beams.beams()).map_err(Failure::failed)?;
     if engine == request.setup.engine_name() {
         return Ok(Searched { request, prepared, runs, best, doses_s });
     }

@@ -94,7 +94,13 @@ impl Request {
         let is_shipped = given.network.is_none() && requests.iter().any(PlanRequest::uses_network);
         let out = patient.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name()));
         let identity = identity(given.keep_identity.as_deref(), &case)?;
-        let setup = PlanSetup::new(case, spec).map_err(Failure::failed)?;
+        let mut setup = PlanSetup::new(case, spec).map_err(Failure::failed)?;
+        if let [search] = &searches[..]
+            && let Some(beams) = search.only_beams()
+        {
+            let engine = setup.engine_of_plan(&beams).map_err(Failure::failed)?;
+            setup = setup.by(engine).map_err(Failure::failed)?;
+        }
         Ok(Self {
             caution: is_shipped.then(|| caution(setup.case.is_pelvis(), beams)).flatten(),
             setups_mm: setup.setups_mm(),
