@@ -75,8 +75,8 @@ impl Exchanged {
     }
 }
 
-/// The figures of a worker.
-pub fn of_worker(name: &str, state: &Worker, exchanged: &Exchanged) -> Figures {
+/// The figures of a worker at a time of its clock, ns.
+pub fn of_worker(name: &str, (state, now): (&Worker, u64), exchanged: &Exchanged) -> Figures {
     let (hello, counts) = (state.hello(), state.counts());
     let mut figures = Figures::default();
     let labels = [("worker", name)];
@@ -91,6 +91,12 @@ pub fn of_worker(name: &str, state: &Worker, exchanged: &Exchanged) -> Figures {
             Gauge,
             "Calls that wait for a slot or for their inputs.",
             u64::from(hello.waiting),
+        ),
+        (
+            "worker_pool_calls",
+            Gauge,
+            "Calls in the whole pool without an answer, as those who ask say.",
+            state.demand(now),
         ),
         ("worker_calls_answered_total", Counter, "Calls that were answered.", counts.answered),
         ("worker_calls_cached_total", Counter, "Calls whose answer was in the cache.", counts.known),

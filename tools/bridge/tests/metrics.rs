@@ -86,6 +86,7 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
         let of =
             |name: &str| value(&body, &format!("stillpoint_worker_{name}{{worker=\"worker-w\"")).unwrap();
         let counted = of("calls_answered_total") > 0.0 && of("cache_bytes") > 0.0 && of("peers") >= 1.0;
+        let _ = of("pool_calls");
         (counted && of("received_bytes_total") > 100.0 && of("sent_bytes_total") > 100.0).then_some(())
     });
     let body = figures(&of_worker);

@@ -241,3 +241,22 @@ fn a_worker_that_answers_nothing_and_one_with_too_small_a_cache_only_cost_time()
     assert!(pool.tally().hedged > 0);
     assert!(pool.take_news().iter().any(|text| text.contains("do not fit into the cache")));
 }
+
+#[test]
+fn a_worker_adds_up_the_calls_that_those_who_ask_said_of_late() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = WorkerSettings { build: build(), incarnation: 1, slots: 1, most_open: 1 << 20 };
+    let mut worker = Worker::new(settings, Store::open(folder.path(), 1 << 20).unwrap());
+    let says = |worker: &mut Worker, ms: u64, from: &str, calls: u32| {
+        worker.handle(ms * MS, from, &Message::Demand { calls }.to_bytes());
+    };
+    says(&mut worker, 0, "plan-a", 7);
+    says(&mut worker, 500, "plan-b", 5);
+    says(&mut worker, 1_000, "plan-a", 3);
+    assert_eq!(worker.demand(1_000 * MS), 8);
+    assert_eq!(worker.demand(3_200 * MS), 3, "one who is silent asks for nothing");
+    assert_eq!(worker.demand(9_000 * MS), 0);
+    // Names do not pile up.
+    (0..10_000).for_each(|i| says(&mut worker, 10_000, &format!("plan-{i}"), 1));
+    assert!((1..=256).contains(&worker.demand(10_000 * MS)));
+}

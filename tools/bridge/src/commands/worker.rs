@@ -67,10 +67,10 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
     println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
     let most_open = arguments.memory_mb.saturating_mul(1_000_000);
     let settings = WorkerSettings { build, incarnation: born, slots, most_open };
-    let update = |state: &State, mailbox: &Mailbox, exchanged: &mut Exchanged| {
+    let update = |state: &State, now: u64, mailbox: &Mailbox, exchanged: &mut Exchanged| {
         if let Some(served) = &served {
             exchanged.lost = mailbox.lost();
-            served.update(|| of_worker(&name, state, exchanged));
+            served.update(|| of_worker(&name, (state, now), exchanged));
         }
     };
     let serving =
@@ -101,7 +101,7 @@ fn serve(
     mailbox: Arc<Mailbox>,
     serving: &Serving,
     ending: &Ending,
-    update: impl Fn(&State, &Mailbox, &mut Exchanged),
+    update: impl Fn(&State, u64, &Mailbox, &mut Exchanged),
 ) {
     let &Serving { slots, grace, wrong_from } = serving;
     let mut exchanged = Exchanged::default();
@@ -176,7 +176,7 @@ fn serve(
             exchanged.send(bytes.len());
             mailbox.send(to, bytes);
         }
-        update(&state, &mailbox, &mut exchanged);
+        update(&state, begun.elapsed().as_nanos() as u64, &mailbox, &mut exchanged);
     }
 }
 

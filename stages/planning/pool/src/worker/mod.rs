@@ -21,6 +21,10 @@ const MOST_WAITING: usize = 256;
 const MOST_ASKERS: usize = 16;
 /// How long a worker that drains stays after it last gave something, ns: a part that was lost is asked for again.
 const LINGER: u64 = 1_500_000_000;
+/// How long the number of calls of one who asks is remembered, ns: it comes twice a second.
+const DEMAND: u64 = 2_500_000_000;
+/// Those who ask whose number is remembered, at most.
+const MOST_DEMANDS: usize = 256;
 /// Answers that are remembered by their call.
 const MOST_ANSWERS: usize = 65_536;
 
@@ -47,6 +51,8 @@ pub struct Worker {
     fetch: Option<Fetching>,
     /// Other workers that gave something else than was asked for: nothing is fetched from them any more.
     doubtful: BTreeSet<String>,
+    /// When those who ask last said how many of their calls have no answer, ns, and the number.
+    demands: BTreeMap<String, (u64, u32)>,
     out: Vec<(To, Message)>,
     counts: WorkerCounts,
     next_hello: u64,
@@ -98,6 +104,7 @@ impl Worker {
             answers: BTreeMap::new(),
             fetch: None,
             doubtful: BTreeSet::new(),
+            demands: BTreeMap::new(),
             out: Vec::new(),
             counts: WorkerCounts::default(),
             next_hello: 0,
@@ -139,6 +146,7 @@ impl Worker {
             }
             Message::Absent { content } => self.miss(from, content),
             Message::Elsewhere { content, peer } => self.turn_to(from, content, peer),
+            Message::Demand { calls } => self.note_demand(now, from, calls),
             _ => {}
         }
         self.go_on(now);
@@ -171,6 +179,21 @@ impl Worker {
             known: self.counts.known,
             cache,
             cache_most,
+        }
+    }
+
+    /// Calls in the pool without an answer, of all who ask and said it of late.
+    pub fn demand(&self, now: u64) -> u64 {
+        let recent = self.demands.values().filter(|(at, _)| now.saturating_sub(*at) <= DEMAND);
+        recent.map(|(_, calls)| u64::from(*calls)).sum()
+    }
+
+    fn note_demand(&mut self, now: u64, from: &str, calls: u32) {
+        if self.demands.len() >= MOST_DEMANDS {
+            self.demands.retain(|_, (at, _)| now.saturating_sub(*at) <= DEMAND);
+        }
+        if self.demands.len() < MOST_DEMANDS || self.demands.contains_key(from) {
+            self.demands.insert(from.to_owned(), (now, calls));
         }
     }
 
