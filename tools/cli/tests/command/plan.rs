@@ -237,6 +237,80 @@ fn a_chest_is_searched_by_pencil_beams_and_planned_by_superposition_for_any_numb
 }
 
 #[test]
+fn another_optimiser_gets_the_matrix_and_its_weights_become_the_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let angles = ["--angles", "0,120,240", "--fluence-only"];
+    let solved = plan(folder.path(), &[&angles[..], &["--out", "solved"]].concat());
+    let export =
+        [&["plan", "export"], &angles[..], &COARSE, &["--out", "matrix", "--doses", "doses"]].concat();
+    let out = stillpoint(folder.path(), &export);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let matrix = folder.path().join("matrix");
+    fn array<T: npyz::Deserialize>(path: &Path) -> Vec<T> {
+        npyz::NpyFile::new(&std::fs::read(path).unwrap()[..]).unwrap().into_vec().unwrap()
+    }
+    let data: Vec<f32> = array(&matrix.join("dose-data.npy"));
+    let indices: Vec<i32> = array(&matrix.join("dose-indices.npy"));
+    let starts: Vec<i64> = array(&matrix.join("dose-starts.npy"));
+    let problem: Value =
+        serde_json::from_slice(&std::fs::read(matrix.join("problem.json")).unwrap()).unwrap();
+    let bixels = std::fs::read_to_string(matrix.join("bixels.csv")).unwrap();
+    let [rows, columns] = [0, 1].map(|axis| problem["shape"][axis].as_u64().unwrap() as usize);
+    assert_eq!((starts.len(), bixels.lines().count()), (rows + 1, columns + 1));
+    assert!(data.len() == indices.len() && indices.iter().all(|column| (*column as usize) < columns));
+
+    // The weights of the plan, in the order of the bixels, make the same plan, as numbers of NumPy and as text.
+    let of_beams = solved["beams"].as_array().unwrap().iter();
+    let of_bixels = of_beams.flat_map(|beam| beam["bixels_x_z_mm_weight"].as_array().unwrap());
+    let weights: Vec<f64> = of_bixels.map(|bixel| bixel[2].as_f64().unwrap()).collect();
+    let lines: Vec<String> = weights.iter().map(f64::to_string).collect();
+    std::fs::write(folder.path().join("weights.txt"), lines.join("\n")).unwrap();
+    let evaluate = |weights: &str, out: &str| {
+        let accepted = ["--accept-check", "too coarse to judge", "--json"];
+        let given = ["plan", "evaluate", "--weights", weights, "--out", out, "--doses", "doses"];
+        stillpoint(folder.path(), &[&given, &angles[..], &COARSE, &accepted].concat())
+    };
+    let out = evaluate("weights.txt", "given");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let given: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let near = |a: &Value, b: &Value, part: f64| {
+        let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+        assert!((a - b).abs() <= part * b.abs(), "{a} and {b}");
+    };
+    near(&given["objective"], &solved["objective"], 1e-9);
+    assert_eq!(given["structures"], solved["structures"]);
+    // The doses of the matrix are those that the objectives judge: a target has its prescription about.
+    let target = &problem["prescription"][0];
+    let of_target = |structure: &&Value| structure["name"] == target["structure"];
+    let structure = problem["structures"].as_array().unwrap().iter().find(of_target).unwrap();
+    let dose_of = |row: &Value| -> f64 {
+        let row = row.as_u64().unwrap() as usize;
+        let entries = starts[row] as usize..starts[row + 1] as usize;
+        entries.map(|entry| f64::from(data[entry]) * weights[indices[entry] as usize]).sum()
+    };
+    let doses: Vec<f64> = structure["voxels"].as_array().unwrap().iter().map(dose_of).collect();
+    let mean = doses.iter().sum::<f64>() / doses.len() as f64;
+    let prescribed = target["dose_gy"].as_f64().unwrap();
+    assert!((0.9..1.1).contains(&(mean / prescribed)), "{mean} Gy of {prescribed} Gy");
+
+    // Worse weights cost more, and the certificate says so.
+    let worse: Vec<String> = weights.iter().map(|weight| (0.9 * weight).to_string()).collect();
+    std::fs::write(folder.path().join("worse.txt"), worse.join("\n")).unwrap();
+    let out = evaluate("worse.txt", "worse");
+    let worse: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let [worse_cost, cost] = [&worse, &solved].map(|plan| plan["objective"].as_f64().unwrap());
+    assert!(worse_cost > 1.1 * cost && worse["excess_at_most"].as_f64().unwrap() >= worse_cost - cost);
+    // What is no list of weights of these bixels is refused.
+    for (content, reason) in [("1\n2\n", "2 numbers"), ("1\nx\n", "line 2"), ("", "0 numbers")] {
+        std::fs::write(folder.path().join("wrong.txt"), content).unwrap();
+        let out = evaluate("wrong.txt", "wrong");
+        assert!(!out.status.success() && text(&out.stderr).contains(reason), "{}", text(&out.stderr));
+    }
+    std::fs::write(folder.path().join("wrong.txt"), lines.join("\n").replacen(&lines[0], "-1", 1)).unwrap();
+    assert!(text(&evaluate("wrong.txt", "wrong").stderr).contains("finite and not negative"));
+}
+
+#[test]
 fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
     let folder = tempfile::tempdir().unwrap();
     let own = r#"{"objectives": [{"match": ["Rectum"], "wanted": [

@@ -40,7 +40,7 @@ pub use certificate::Certificate;
 pub use goals::{Goals, GoalsError, PlanProblem, StructureObjectives};
 pub use modulation::Modulation;
 pub use newton::{Options, Solution, solve};
-pub use plan::{Plan, solve as solve_plan};
+pub use plan::{Plan, given as given_plan, solve as solve_plan};
 pub use problem::{Problem, ProblemError, Side, Term};
 pub use rows::Csr;
 pub use shapes::{

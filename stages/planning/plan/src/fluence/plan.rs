@@ -3,7 +3,7 @@
 use super::certificate::Certificate;
 use super::goals::PlanProblem;
 use super::newton::{self, Options};
-use super::problem::{ProblemError, Term};
+use super::problem::{Problem, ProblemError, Term};
 
 /// Most times that the voxels of DVH points are chosen anew.
 const MAX_ROUNDS: usize = 30;
@@ -58,6 +58,42 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
         rounds += 1;
         chosen = choice;
     }
+    found.steps = steps;
+    Ok(finished(goals, &problem, found, rounds))
+}
+
+/// The plan of given weights, one for each bixel: nothing is solved but the means of homogeneity objectives. Its certificate
+/// says how far it is from the best plan of these bixels.
+///
+/// # Errors
+/// There is not one weight for each bixel, or one is negative or not finite.
+pub fn given(goals: &PlanProblem, weights: &[f64]) -> Result<Plan, ProblemError> {
+    if weights.len() != goals.bixels {
+        let (found, expected) = (weights.len(), goals.bixels);
+        return Err(ProblemError::Length { what: "the list of weights", found, expected });
+    }
+    if let Some((bixel, weight)) = weights.iter().enumerate().find(|(_, w)| !(w.is_finite() && **w >= 0.0)) {
+        return Err(ProblemError::Fluence { bixel, weight: *weight });
+    }
+    let matrix = goals.convex.matrix();
+    let mut x = weights.to_vec();
+    x.resize(matrix.columns(), 0.0);
+    let mut dose = vec![0.0; matrix.rows()];
+    goals.convex.doses(&x, &mut dose);
+    let means = goals.best_means(&dose);
+    x[goals.bixels..].copy_from_slice(&means);
+    goals.convex.doses(&x, &mut dose);
+    let choice = goals.dvh.iter().map(|point| (point, point.costing(&dose)));
+    let points: Vec<Term> =
+        choice.flat_map(|(point, rows)| point.terms(&rows).into_iter().collect::<Vec<_>>()).collect();
+    let terms: Vec<Term> = goals.convex.terms().iter().copied().chain(points).collect();
+    let problem = goals.convex.clone().with_terms(terms)?;
+    let certificate = Certificate::of(&problem, &x);
+    Ok(finished(goals, &problem, newton::Solution { x, dose, certificate, steps: 0 }, 1))
+}
+
+/// What a solution of the problem is as a plan.
+fn finished(goals: &PlanProblem, problem: &Problem, mut found: newton::Solution, rounds: usize) -> Plan {
     let mut pull = vec![0.0; found.dose.len()];
     problem.dose_gradient(&found.dose, &mut pull);
     let mut curvature = problem.curvatures(&found.dose);
@@ -70,8 +106,8 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
     pull.truncate(goals.voxel_rows);
     found.x.truncate(goals.bixels);
     found.dose.truncate(goals.voxel_rows);
-    let newton::Solution { x: weights, dose, certificate, .. } = found;
-    Ok(Plan { weights, dose, certificate, pull, curvature, steps, rounds })
+    let newton::Solution { x: weights, dose, certificate, steps } = found;
+    Plan { weights, dose, certificate, pull, curvature, steps, rounds }
 }
 
 /// Where there are so many bixels that each step is dear, weights to begin with: those for a part of the voxels.

@@ -77,6 +77,14 @@ pub enum ProblemError {
         /// Its weight.
         weight: f64,
     },
+    /// The weight of a bixel is negative or not finite.
+    #[error("bixel {bixel} has the weight {weight}; a weight is finite and not negative")]
+    Fluence {
+        /// Number of the bixel.
+        bixel: usize,
+        /// Its weight.
+        weight: f64,
+    },
     /// The objective of zero fluence is beyond the numbers.
     #[error(
         "weights or goals are so large that the objective at zero fluence is not finite; scale them down"

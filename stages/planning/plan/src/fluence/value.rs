@@ -36,7 +36,8 @@ impl PlanProblem {
         x.resize(matrix.columns(), 0.0);
         let mut dose = vec![0.0; matrix.rows()];
         self.convex.doses(&x, &mut dose);
-        self.subtract_means(&mut dose);
+        let means = self.best_means(&dose);
+        self.subtract(&means, &mut dose);
         let mut cost = self.convex.objective(&dose);
         let mut pull = vec![0.0; dose.len()];
         self.convex.dose_gradient(&dose, &mut pull);
@@ -54,29 +55,29 @@ impl PlanProblem {
         Ok(ObjectiveValue { cost, slope })
     }
 
-    /// Gives the means of homogeneity objectives their best value. At it the objective is flat in them, so the slope in
+    /// The best values of the means of homogeneity objectives. At them the objective is flat in the means, so the slope in
     /// the weights is that of fixed means.
-    fn subtract_means(&self, dose: &mut [f64]) {
-        let matrix = self.convex.matrix();
-        let means = matrix.columns() - self.bixels;
+    pub(super) fn best_means(&self, dose: &[f64]) -> Vec<f64> {
+        let means = self.convex.matrix().columns() - self.bixels;
         let mut sums = vec![(0.0, 0.0); means];
-        let of = |row: usize| {
+        for (row, mean, weight) in self.spread() {
+            sums[mean].0 += weight * dose[row];
+            sums[mean].1 += weight;
+        }
+        sums.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { 0.0 }).collect()
+    }
+
+    fn subtract(&self, means: &[f64], dose: &mut [f64]) {
+        self.spread().for_each(|(row, mean, _)| dose[row] -= means[mean]);
+    }
+
+    /// Rows that a homogeneity objective judges, with the number of its mean and the weight of the row.
+    fn spread(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let matrix = self.convex.matrix();
+        (self.voxel_rows..matrix.rows()).filter_map(move |row| {
             let column = *matrix.row(row).0.last()? as usize;
             let weight: f64 = self.convex.terms_of(row).iter().map(|term| term.weight).sum();
-            Some((column.checked_sub(self.bixels)?, weight))
-        };
-        let spread: Vec<(usize, usize, f64)> = (self.voxel_rows..matrix.rows())
-            .filter_map(|row| of(row).map(|(mean, weight)| (row, mean, weight)))
-            .collect();
-        for (row, mean, weight) in &spread {
-            sums[*mean].0 += weight * dose[*row];
-            sums[*mean].1 += weight;
-        }
-        for (row, mean, _) in spread {
-            let (sum, weight) = sums[mean];
-            if weight > 0.0 {
-                dose[row] -= sum / weight;
-            }
-        }
+            Some((row, column.checked_sub(self.bixels)?, weight))
+        })
     }
 }

@@ -17,12 +17,13 @@
 //! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
 //! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
-//! - `plan`: all of it in one call
+//! - `plan`: all of it in one call; `given`: a plan of weights that another program made
 //! - `delivery`: the check of a plan before it leaves
 
 mod delivery;
 mod doses;
 mod engine;
+mod given;
 mod name;
 mod plan;
 mod request;
@@ -33,6 +34,7 @@ mod spec;
 pub use delivery::Delivery;
 pub use doses::PlanDoses;
 pub use engine::{LEAST_SHARE_CROSSING, PlanEngine};
+pub use given::GivenError;
 pub use name::{MethodName, PriorName, UnknownName};
 pub use plan::{PlanError, Planned, plan};
 pub use request::{BUDGET, MOST_LEAVES, PROPOSALS, PlanRequest, RequestError};

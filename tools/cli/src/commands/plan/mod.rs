@@ -13,6 +13,7 @@
 //! - `charts`: histograms and searches as SVG; `tree`: the sets that a search went through
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
+//! - `matrix`: the dose matrix for other optimisers, and weights of theirs
 
 mod args;
 mod charts;
@@ -20,6 +21,7 @@ mod compare;
 mod export;
 mod folder;
 mod leaves;
+mod matrix;
 mod outcome;
 mod page;
 mod patient;
@@ -66,13 +68,19 @@ pub struct Plan {
 enum Action {
     /// Show two plans of one case side by side.
     Compare(compare::Compare),
+    Export(matrix::Export),
+    Evaluate(matrix::Evaluate),
 }
 
 impl Plan {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        if let Some(Action::Compare(compare)) = &self.action {
-            return compare.execute();
+        let report = |made: Made<'_>, as_json| if as_json { print_as_json(&made) } else { print(&made) };
+        match &self.action {
+            Some(Action::Compare(compare)) => return compare.execute(),
+            Some(Action::Export(export)) => return export.execute(),
+            Some(Action::Evaluate(evaluate)) => return evaluate.execute(report),
+            None => {}
         }
         let args = &self.args;
         let threads =
@@ -82,8 +90,8 @@ impl Plan {
             [case] => Some(case.as_path()),
             cases => return Queue::new(args, cases, threads)?.execute(),
         };
-        let patient = Patient { case, out: args.out.clone(), threads, is_quiet: args.json };
-        patient::plan(args, &patient, |made| if args.json { print_as_json(&made) } else { print(&made) })
+        let patient = Patient { case, out: args.out.clone(), threads, is_quiet: args.json, weights: None };
+        patient::plan(args, &patient, |made| report(made, args.json))
     }
 }
 

@@ -45,7 +45,7 @@ pub fn plan(
     let began = Instant::now();
     let mut pooled = args.pool.open()?.map(Pooled::new);
     let Searched { request, prepared, runs, best, doses_s } = loop {
-        let searched = searched(request, pooled.as_mut())?;
+        let searched = searched(request, patient.weights.as_deref(), pooled.as_mut())?;
         let Some(pooled) = &mut pooled else { break searched };
         pooled.print_news();
         if !pooled.is_in_doubt() {
@@ -88,15 +88,25 @@ struct Searched {
     doses_s: f64,
 }
 
-/// Searches, and solves the fluence of the beams that were found again where the plan is by another method.
-fn searched(request: Request, mut pooled: Option<&mut Pooled>) -> Result<Searched, Failure> {
+/// Searches, or takes given weights, and solves the fluence of the beams that were found again where the plan is by another method.
+fn searched(
+    request: Request,
+    weights: Option<&[f64]>,
+    mut pooled: Option<&mut Pooled>,
+) -> Result<Searched, Failure> {
     let begun = Instant::now();
     let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
     let mut doses_s = begun.elapsed().as_secs_f64();
     if !request.quiet {
         prepared.print_notes(&request);
     }
-    let runs = search::all(&request, &prepared, pooled.as_deref_mut())?;
+    let runs = match (weights, &request.searches[..]) {
+        (Some(weights), [search, ..]) => {
+            let given = search.of_weights(&request.setup, &prepared.doses, weights);
+            (vec![given.map_err(Failure::wrong)?], vec![0.0])
+        }
+        _ => search::all(&request, &prepared, pooled.as_deref_mut())?,
+    };
     let Some(best) = best(&runs.0).cloned() else { return Err(Failure::failed("no method was run")) };
     let engine = request.setup.engine_of_plan(best.choice.best.beams.beams()).map_err(Failure::failed)?;
     if engine == request.setup.engine_name() {

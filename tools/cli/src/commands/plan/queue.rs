@@ -171,8 +171,13 @@ impl<'a> Queue<'a> {
             // It would be that of a plan that is half written.
             std::fs::remove_file(&file).map_err(fault)?;
         }
-        let patient =
-            Patient { case: Some(path), out: Some(out.clone()), threads: self.threads, is_quiet: true };
+        let patient = Patient {
+            case: Some(path),
+            out: Some(out.clone()),
+            threads: self.threads,
+            is_quiet: true,
+            weights: None,
+        };
         patient::plan(self.args, &patient, |_| Ok(()))?;
         let text = serde_json::to_vec_pretty(&request).map_err(Failure::failed)?;
         stillpoint_map::publish(&file, |file| std::io::Write::write_all(file, &text)).map_err(fault)?;

@@ -29,6 +29,8 @@ pub struct Patient<'a> {
     pub threads: NonZeroUsize,
     /// Nothing is printed but what happens to workers.
     pub is_quiet: bool,
+    /// Weights of the bixels that another program found, in place of a solve.
+    pub weights: Option<Vec<f64>>,
 }
 
 /// A consistent request.

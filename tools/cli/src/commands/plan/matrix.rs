@@ -1,0 +1,177 @@
+//! The dose matrix of a plan as files for other optimisers, and weights of theirs.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write as _};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use npyz::{AutoSerialize, NpyFile, WriterBuilder};
+use serde_json::json;
+use stillpoint_plan::beams::Influence;
+
+use super::args::PlanArgs;
+use super::folder;
+use super::patient::{self, Made};
+use super::prepared::Prepared;
+use super::request::{Patient, Request};
+use crate::exit::{Ended, Exit, Failure};
+
+/// Write the dose matrix of given beams, with their objectives, as files that other programs read.
+///
+/// The matrix is in three files of NumPy: `dose-data.npy` (float32, gray over all fractions for a weight of 1), `dose-indices.npy`
+/// (int32, the bixel) and `dose-starts.npy` (int64), as `scipy.sparse.csr_matrix((data, indices, starts), shape)` takes them. Rows
+/// are the points of the optimiser, columns the bixels. `bixels.csv` has the beam and place of each bixel, and `problem.json` the
+/// shape, the objectives, and the rows of each structure with their volumes.
+#[derive(Args)]
+pub struct Export {
+    #[command(flatten)]
+    args: PlanArgs,
+}
+
+/// Make the plan of weights that another program found: figures, check, segments, pages and DICOM, without a solve.
+///
+/// The bixels are those of `plan export` with the same arguments.
+#[derive(Args)]
+pub struct Evaluate {
+    /// Weights in the order of `bixels.csv`: a file of NumPy (`.npy`, float64 or float32), or text with one number a line.
+    #[arg(long, value_name = "FILE")]
+    weights: PathBuf,
+    #[command(flatten)]
+    args: PlanArgs,
+}
+
+impl Export {
+    /// Executes the subcommand.
+    pub fn execute(&self) -> Ended {
+        let patient = only_patient(&self.args, None)?;
+        if self.args.robust.is_some() {
+            return Err(Failure::wrong("the matrix is of the planned set-up: leave out --robust"));
+        }
+        let request = Request::new(&self.args, &patient)?;
+        folder::make_ready(&request.out)?;
+        let prepared = Prepared::new(&request, None)?;
+        if !request.quiet {
+            prepared.print_notes(&request);
+        }
+        for file in write(&request, &prepared)? {
+            outln!("{}", file.display());
+        }
+        Ok(Exit::Done)
+    }
+}
+
+impl Evaluate {
+    /// Executes the subcommand.
+    pub fn execute(&self, report: impl FnOnce(Made<'_>, bool) -> Result<(), Failure>) -> Ended {
+        let weights = read(&self.weights)?;
+        let patient = only_patient(&self.args, Some(weights))?;
+        patient::plan(&self.args, &patient, |made| report(made, self.args.json))
+    }
+}
+
+/// The only patient of the arguments, whose beams are given.
+fn only_patient(args: &PlanArgs, weights: Option<Vec<f64>>) -> Result<Patient<'_>, Failure> {
+    if args.angles.is_none() {
+        return Err(Failure::wrong("give the gantry angles of the beams with --angles"));
+    }
+    let case = match &args.cases[..] {
+        [] => None,
+        [case] => Some(case.as_path()),
+        cases => return Err(Failure::wrong(format!("{} cases are given: give one", cases.len()))),
+    };
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    Ok(Patient {
+        case,
+        out: args.out.clone(),
+        threads: args.threads.unwrap_or_else(cores),
+        is_quiet: args.json,
+        weights,
+    })
+}
+
+/// Weights of a file.
+fn read(path: &Path) -> Result<Vec<f64>, Failure> {
+    let fault = |why: String| Failure::wrong(format!("{}: {why}", path.display()));
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("npy")) {
+        let file = File::open(path).map_err(|e| fault(e.to_string()))?;
+        let array = NpyFile::new(BufReader::new(file)).map_err(|e| fault(e.to_string()))?;
+        if array.shape().len() != 1 {
+            return Err(fault(format!("an array of shape {:?}: one axis is expected", array.shape())));
+        }
+        let is_single = array.dtype() == f32::default_dtype();
+        let numbers = match is_single {
+            true => array.into_vec::<f32>().map(|all| all.into_iter().map(f64::from).collect()),
+            false => array.into_vec::<f64>(),
+        };
+        return numbers.map_err(|e| fault(e.to_string()));
+    }
+    let text = std::fs::read_to_string(path).map_err(|e| fault(e.to_string()))?;
+    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let number = |(at, line): (usize, &str)| {
+        line.trim().parse().map_err(|_| fault(format!("line {}: `{}` is not a number", at + 1, line.trim())))
+    };
+    lines.map(number).collect()
+}
+
+fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure> {
+    let (setup, out) = (&request.setup, &request.out);
+    let beams = request.needed_beams();
+    let matrices: Vec<_> = beams.iter().map(|beam| prepared.doses.solved.beam(*beam)).collect();
+    let rows = setup.engine().rows();
+    let (mut starts, mut indices, mut data) = (vec![0_i64], Vec::<i32>::new(), Vec::<f32>::new());
+    for row in 0..rows {
+        let mut before = 0;
+        for matrix in &matrices {
+            let (columns, values) = matrix.row(row);
+            indices.extend(columns.iter().map(|column| before + i32::from(*column)));
+            data.extend_from_slice(values);
+            before += matrix.columns() as i32;
+        }
+        starts.push(indices.len() as i64);
+    }
+    let mut bixels = String::from("bixel,beam,gantry_deg,x_mm,z_mm\n");
+    let places = beams.iter().enumerate().flat_map(|(number, beam)| {
+        let gantry_deg = setup.spec.ring.angle_deg(*beam);
+        prepared.doses.solved.bixels_mm(*beam).iter().map(move |place| (number, gantry_deg, place))
+    });
+    let mut count = 0;
+    for (number, gantry_deg, [x, z]) in places {
+        bixels += &format!("{count},{number},{gantry_deg},{x},{z}\n");
+        count += 1;
+    }
+    let structures = serde_json::to_value(&setup.objective_set.structures).map_err(Failure::failed)?;
+    let problem = json!({
+        "case": setup.case.name(), "hash": setup.hash.to_string(), "engine": setup.engine_name(),
+        "prescription": setup.case.prescription(), "fractions": setup.case.fractions(),
+        "angles_deg": setup.angles_deg(&beams), "bixel_mm": setup.spec.bixel_mm, "points_mm": setup.points_mm(),
+        "shape": [rows, count], "modulation": setup.objective_set.modulation, "structures": structures,
+    });
+    let problem = serde_json::to_string_pretty(&problem).map_err(Failure::failed)?;
+    Ok(vec![
+        array(out.join("dose-data.npy"), &data)?,
+        array(out.join("dose-indices.npy"), &indices)?,
+        array(out.join("dose-starts.npy"), &starts)?,
+        text(out.join("bixels.csv"), &bixels)?,
+        text(out.join("problem.json"), &problem)?,
+    ])
+}
+
+fn array<T: AutoSerialize + Copy>(path: PathBuf, numbers: &[T]) -> Result<PathBuf, Failure> {
+    let written = stillpoint_map::publish(&path, |file| {
+        let options = npyz::WriteOptions::new().default_dtype().shape(&[numbers.len() as u64]);
+        let mut buffer = BufWriter::new(file);
+        let mut writer = options.writer(&mut buffer).begin_nd()?;
+        writer.extend(numbers.iter().copied())?;
+        writer.finish()?;
+        buffer.flush()
+    });
+    written.map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    Ok(path)
+}
+
+fn text(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
+    let written = stillpoint_map::publish(&path, |file| file.write_all(text.as_bytes()));
+    written.map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    Ok(path)
+}
