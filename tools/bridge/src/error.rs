@@ -44,6 +44,11 @@ pub enum BridgeError {
     /// A time to wait that is not one.
     #[error("--seconds {0}: give 0.5 to 3600")]
     Seconds(f64),
+    /// A topic of ROS 2 that is not written as one.
+    #[error(
+        "invalid topic: {0} (allowed: NAME=TYPE, with a type of images, clouds or cameras); write /depth/image_raw=sensor_msgs/msg/Image"
+    )]
+    Topic(String),
     /// There is no worker.
     #[error("no worker greeted within {seconds} s at {endpoint}")]
     NoWorker {

@@ -31,6 +31,7 @@ enum Command {
     Pool(stillpoint_arguments::Pool),
     Pki(stillpoint_arguments::Pki),
     PlanClient(commands::plan_client::PlanClient),
+    Listen(commands::listen::Listen),
 }
 
 fn main() -> ExitCode {
@@ -41,5 +42,6 @@ fn main() -> ExitCode {
         Command::Pool(command) => commands::pool::execute(&command),
         Command::Pki(command) => commands::pki::execute(command),
         Command::PlanClient(command) => command.execute(),
+        Command::Listen(command) => command.execute(),
     }
 }
