@@ -3,6 +3,7 @@
 //!
 //! - `commands`: a file per subcommand
 //! - `network`: zenoh as the network of a run
+//! - `viewers`: a run or a session in Foxglove
 //! - `metrics`: figures of a worker and of a router as Prometheus text
 //! - `error`: why it cannot go on
 
@@ -10,6 +11,7 @@ mod commands;
 mod error;
 mod metrics;
 mod network;
+mod viewers;
 
 use std::process::ExitCode;
 
@@ -32,6 +34,7 @@ enum Command {
     Pki(stillpoint_arguments::Pki),
     PlanClient(commands::plan_client::PlanClient),
     Listen(commands::listen::Listen),
+    Foxglove(commands::foxglove::Foxglove),
 }
 
 fn main() -> ExitCode {
@@ -43,5 +46,6 @@ fn main() -> ExitCode {
         Command::Pki(command) => commands::pki::execute(command),
         Command::PlanClient(command) => command.execute(),
         Command::Listen(command) => command.execute(),
+        Command::Foxglove(command) => command.execute(),
     }
 }
