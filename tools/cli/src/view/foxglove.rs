@@ -192,11 +192,8 @@ impl Feed {
         let Some(camera) = &self.served.camera else { return Ok(()) };
         // An image that cannot be drawn is left out, as on the page.
         let Ok(drawn) = picture.drawn(camera) else { return Ok(()) };
-        let (image, face) = self.frames.picture(picture.origin, drawn);
-        for (shown, bytes) in [image].into_iter().chain(face) {
-            self.send(&shown, &bytes)?;
-        }
-        Ok(())
+        let all = self.frames.picture(picture.origin, drawn);
+        all.iter().try_for_each(|(shown, bytes)| self.send(shown, bytes))
     }
 
     /// Feeds a session: what viewers play.

@@ -64,21 +64,18 @@ impl Frames {
     }
 
     /// An image with its face, and the points of the face if there are any, with their bytes.
-    pub fn picture(
-        &self,
-        time: u64,
-        (image, points): (Indexed, Vec<f32>),
-    ) -> ((Shown, Vec<u8>), Option<(Shown, Vec<u8>)>) {
+    pub fn picture(&self, time: u64, (image, points): (Indexed, Vec<f32>)) -> Vec<(Shown, Vec<u8>)> {
         let (width, height) = (image.width as u32, image.height as u32);
         let shown = Shown::Image { time, frame: self.camera.clone(), width, height };
         let black = [0; 3];
         let colour = |index: &u8| image.colours.get(usize::from(*index)).copied().unwrap_or(black);
         let bytes = image.pixels.iter().flat_map(colour).collect();
-        let face = (!points.is_empty()).then(|| {
+        let mut all = vec![(shown, bytes)];
+        if !points.is_empty() {
             let shown = Shown::Points { time, frame: self.couch.clone() };
-            (shown, points.iter().flat_map(|p| p.to_le_bytes()).collect())
-        });
-        ((shown, bytes), face)
+            all.push((shown, points.iter().flat_map(|p| p.to_le_bytes()).collect()));
+        }
+        all
     }
 }
 
