@@ -74,7 +74,32 @@ fn laps_of_a_running_pipeline_are_shown() {
     let run = bench.run(&pipeline("laps.yaml"));
     let out = bench.wait_for_samples("first.timing", 3);
     assert_eq!(out.lines().count(), 3);
+    // Where a step is to blame, its laps say in which part of it.
+    let trace = bench.call(&["trace", "laps", "--to", "last", "--for", "1 s", "--json"]).good();
+    check_laps(&trace);
     let unknown = bench.call(&["echo", "first.timinf", "--count", "1"]);
     assert!(unknown.err.contains("did you mean first.timing?"), "{}", unknown.err);
-    run.stop().good();
+    let report = run.stop().good();
+    let session = report["session"].as_str().unwrap();
+    check_laps(&bench.call(&["trace", session, "--to", "last", "--json"]).good());
+    let text = bench.call(&["trace", session, "--to", "last"]).out;
+    assert!(text.contains("alone     short") && text.contains("first     long"), "{text}");
+}
+
+/// The laps of the operator `alone` on its path.
+fn check_laps(trace: &Value) {
+    let path = trace["paths"].as_array().unwrap().iter().find(|p| p["arrived"].as_u64() > Some(3)).unwrap();
+    let hop = path["hops"].as_array().unwrap().iter().find(|h| h["operator"] == "alone").unwrap();
+    let laps = hop["laps"].as_array().unwrap();
+    assert_eq!(
+        laps.iter().map(|l| l["lap"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["short", "long", "never"]
+    );
+    let time = |lap: usize, quantile: &str| laps[lap]["time_ms"][quantile].as_f64().unwrap();
+    assert!(time(1, "p50") >= 0.6 && time(0, "p50") > 0.0 && time(2, "max") == 0.0, "{hop}");
+    assert!(time(0, "p50") + time(1, "p50") <= hop["step_ms"]["max"].as_f64().unwrap(), "{hop}");
+    // A step to blame has the lap; another part has none.
+    for worst in path["worst"].as_array().unwrap() {
+        assert!(worst["part"] == "step" || worst["lap"].is_null(), "{worst}");
+    }
 }

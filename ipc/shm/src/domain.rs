@@ -1,5 +1,6 @@
 //! A domain: one run's corner of shared memory.
 
+use std::os::unix::fs::DirBuilderExt;
 use std::path::Path;
 
 use iceoryx2::config::Config;
@@ -26,6 +27,7 @@ impl Domain {
     /// iceoryx2 does not take the names, or refuses the node; or an object of the domain belongs to another user.
     pub fn create(root: &Path, prefix: &str, node: &str) -> Result<Self, ShmError> {
         node_counter::check_free(prefix)?;
+        keep_in_memory(root, prefix);
         let domain = Self::with_node(root, prefix, node)?;
         node_counter::make_private(prefix)?;
         Ok(domain)
@@ -86,6 +88,19 @@ impl Domain {
     }
 }
 
+/// Makes the root folder a link into memory. iceoryx2 writes three small files for each topic that a process opens, and
+/// waits until the disk has each: with hundreds of topics that is most of a start. Where the link cannot be made, iceoryx2
+/// makes the folder on the disk.
+fn keep_in_memory(root: &Path, prefix: &str) {
+    let folder = Path::new(SHARED).join(format!("{prefix}root"));
+    // A folder that is there already may be another user's.
+    if std::fs::DirBuilder::new().mode(0o700).create(&folder).is_ok()
+        && std::os::unix::fs::symlink(&folder, root).is_err()
+    {
+        let _ = std::fs::remove_dir(&folder);
+    }
+}
+
 /// Removes what a dead run left: its root folder, and its objects in `/dev/shm`. Nobody may still run in it.
 /// Returns how many objects were removed.
 pub fn sweep(root: &Path, prefix: &str) -> usize {
@@ -95,9 +110,14 @@ pub fn sweep(root: &Path, prefix: &str) -> usize {
     }
     if let Ok(objects) = std::fs::read_dir(SHARED) {
         for object in objects.flatten() {
-            if object.file_name().to_string_lossy().starts_with(prefix)
-                && std::fs::remove_file(object.path()).is_ok()
-            {
+            // The root folder may be among them; of a link, the link alone is removed below.
+            let is_folder = object.file_type().is_ok_and(|kind| kind.is_dir());
+            let remove: fn(&Path) -> std::io::Result<()> = if is_folder {
+                |path| std::fs::remove_dir_all(path)
+            } else {
+                |path| std::fs::remove_file(path)
+            };
+            if object.file_name().to_string_lossy().starts_with(prefix) && remove(&object.path()).is_ok() {
                 removed += 1;
             }
         }

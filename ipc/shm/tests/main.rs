@@ -272,3 +272,30 @@ fn joining_a_domain_that_is_gone_is_refused_and_leaves_nothing() {
     assert!(matches!(error, ShmError::NodeCounter { fault: CounterFault::NotThere, .. }), "{error}");
     assert_eq!(objects(&room), Vec::<PathBuf>::new());
 }
+
+#[test]
+fn the_root_of_a_domain_is_in_memory_and_goes_with_a_sweep() {
+    let room = room("memory");
+    let memory = PathBuf::from(format!("/dev/shm/{}root", room.prefix));
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    assert_eq!(std::fs::read_link(&room.root).unwrap(), memory);
+    assert_eq!(memory.metadata().unwrap().permissions().mode() & 0o777, 0o700);
+    let topic = Topic::create(&domain, &contract(2)).unwrap();
+    assert!(std::fs::read_dir(&memory).unwrap().count() > 0);
+    let other = Domain::join(&room.root, &room.prefix, "other").unwrap();
+    Topic::open(&other, &contract(2)).unwrap();
+    drop((topic, domain, other));
+    assert!(sweep(&room.root, &room.prefix) >= 2);
+    assert!(!memory.exists() && room.root.symlink_metadata().is_err());
+}
+
+#[test]
+fn where_the_folder_in_memory_is_there_already_the_root_is_on_the_disk() {
+    let room = room("taken");
+    let memory = PathBuf::from(format!("/dev/shm/{}root", room.prefix));
+    std::fs::create_dir(&memory).unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    Topic::create(&domain, &contract(2)).unwrap();
+    assert!(room.root.symlink_metadata().unwrap().is_dir());
+    assert_eq!(std::fs::read_dir(&memory).unwrap().count(), 0);
+}

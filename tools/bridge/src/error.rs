@@ -44,6 +44,28 @@ pub enum BridgeError {
     /// A time to wait that is not one.
     #[error("--seconds {0}: give 0.5 to 3600")]
     Seconds(f64),
+    /// Viewers cannot be served.
+    #[error("viewers cannot be served at {address}: {reason}; choose another port with --port")]
+    Viewers {
+        /// Where.
+        address: String,
+        /// Why.
+        reason: foxglove::FoxgloveError,
+    },
+    /// A topic for viewers cannot be made.
+    #[error("a topic for viewers cannot be offered: {0}")]
+    Channel(#[from] foxglove::FoxgloveError),
+    /// What is shown breaks off.
+    #[error(transparent)]
+    Pipe(#[from] stillpoint_viewer::PipeError),
+    /// It was not started by `stillpoint view`.
+    #[error("nothing is shown: start `stillpoint view --foxglove`, which starts this command")]
+    NoBegin,
+    /// A topic of ROS 2 that is not written as one.
+    #[error(
+        "invalid topic: {0} (allowed: NAME=TYPE, with a type of images, clouds or cameras); write /depth/image_raw=sensor_msgs/msg/Image"
+    )]
+    Topic(String),
     /// There is no worker.
     #[error("no worker greeted within {seconds} s at {endpoint}")]
     NoWorker {

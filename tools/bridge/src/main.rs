@@ -3,6 +3,7 @@
 //!
 //! - `commands`: a file per subcommand
 //! - `network`: zenoh as the network of a run
+//! - `viewers`: a run or a session in Foxglove
 //! - `metrics`: figures of a worker and of a router as Prometheus text
 //! - `error`: why it cannot go on
 
@@ -10,6 +11,7 @@ mod commands;
 mod error;
 mod metrics;
 mod network;
+mod viewers;
 
 use std::process::ExitCode;
 
@@ -31,6 +33,8 @@ enum Command {
     Pool(stillpoint_arguments::Pool),
     Pki(stillpoint_arguments::Pki),
     PlanClient(commands::plan_client::PlanClient),
+    Listen(commands::listen::Listen),
+    Foxglove(commands::foxglove::Foxglove),
 }
 
 fn main() -> ExitCode {
@@ -41,5 +45,7 @@ fn main() -> ExitCode {
         Command::Pool(command) => commands::pool::execute(&command),
         Command::Pki(command) => commands::pki::execute(command),
         Command::PlanClient(command) => command.execute(),
+        Command::Listen(command) => command.execute(),
+        Command::Foxglove(command) => command.execute(),
     }
 }

@@ -194,6 +194,11 @@ impl Running {
         });
     }
 
+    /// Whether it has ended.
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
     /// Waits for its end.
     pub fn finish(mut self) -> Done {
         let status = wait_for("the end of a command", || self.child.try_wait().unwrap());

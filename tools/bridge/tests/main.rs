@@ -11,6 +11,7 @@ mod bench;
 #[path = "../../../stages/planning/network/tests/common/mod.rs"]
 mod common;
 mod cut;
+mod foxglove;
 mod games;
 mod hosts;
 mod killed;

@@ -11,7 +11,7 @@ use stillpoint_ros2::{Attachment, TopicName, key, rihs01};
 use zenoh::pubsub::Subscriber;
 use zenoh::{Config, Session, Wait};
 
-use crate::bench::{Bench, Running, two_ports, wait_for};
+use crate::bench::{Bench, Done, Running, two_ports, wait_for};
 
 const EXAMPLE: &str = include_str!("../../../examples/ros2-camera.yaml");
 const IMAGES: &str = "/camera/depth/image_raw";
@@ -284,4 +284,52 @@ fn without_the_program_of_the_bridge_a_live_run_names_its_build_and_a_simulated_
     let session = report["session"].as_str().unwrap();
     assert!(bench.samples(session, "head.pose").len() >= 3);
     assert_eq!(bench.call(&["replay", session, "--json"]).good()["identical_all"], true);
+}
+
+/// What `doctor` finds of a setting.
+fn finding<'d>(doctor: &'d Value, setting: &str) -> &'d Value {
+    let findings = doctor["findings"].as_array().unwrap();
+    findings.iter().find(|f| f["setting"] == setting).unwrap_or_else(|| panic!("{setting}: {doctor}"))
+}
+
+#[test]
+fn doctor_listens_to_the_camera_of_a_pipeline_and_names_what_it_sends() {
+    let (bench, port) = (Bench::new(), two_ports());
+    let file = bench.write("ros2.yaml", &pipeline(port));
+    let doctor = ["doctor", &file, "--for", "1s", "--json"];
+    let read = |done: Done| -> (Value, Option<i32>) {
+        (serde_json::from_str(&done.out).unwrap_or_else(|e| panic!("{e}: {}", done.err)), done.status.code())
+    };
+
+    // Nobody is there: it cannot be known whether the camera will be.
+    let (found, _) = read(bench.call(&doctor));
+    let router = finding(&found, &format!("router of ROS 2 at tcp/127.0.0.1:{port}"));
+    assert_eq!((&router["verdict"], &router["found"]), (&"unknown".into(), &"it does not answer".into()));
+
+    // A router without a camera.
+    let _router = session("router", "listen", port);
+    let (found, code) = read(bench.call(&doctor));
+    let of_images = format!("rate of {IMAGES}");
+    let silent = finding(&found, &of_images);
+    assert_eq!((&silent["verdict"], code), (&"bad".into(), Some(2)), "{silent}");
+    assert!(silent["found"].as_str().unwrap().starts_with("no message"), "{silent}");
+
+    // A camera. The same with an operator that takes messages more slowly than they come.
+    let mut peer = Peer::new(port);
+    let slow = bench.write("slow.yaml", &pipeline(port).replace("every: 2 ms", "every: 900 ms"));
+    for (file, verdict) in [(&file, "good"), (&slow, "bad")] {
+        let mut running = bench.start(&["doctor", file, "--for", "3s", "--json"]);
+        give_until(&mut peer, "the end of doctor", || running.has_ended());
+        let (found, _) = read(running.finish());
+        let rate = finding(&found, &of_images);
+        let words = rate["found"].as_str().unwrap();
+        assert!(words.contains(" Hz, jitter ") && words.contains("messages"), "{rate}");
+        // A busy machine sends in bursts, which is a hint.
+        let is_hint = verdict == "good" && rate["mend"].as_str().unwrap().contains("bursts");
+        assert!(rate["verdict"] == verdict || is_hint, "{rate}");
+        if verdict == "bad" {
+            assert!(rate["mend"].as_str().unwrap().contains("set `every` of `camera` to"), "{rate}");
+        }
+        assert_eq!(finding(&found, &format!("description of the camera on {INFOS}"))["verdict"], "good");
+    }
 }

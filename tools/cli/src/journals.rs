@@ -55,12 +55,25 @@ impl JournalTaps {
         time: Duration,
         take: &mut dyn FnMut(usize, Entry),
     ) -> Result<(), Failure> {
+        self.watch_with(attached, time, take, &mut || Ok(()))
+    }
+
+    /// The same, with something else that is looked at each time.
+    pub fn watch_with(
+        &self,
+        attached: &Attached,
+        time: Duration,
+        take: &mut dyn FnMut(usize, Entry),
+        also: &mut dyn FnMut() -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         let (begun, stop) = (Instant::now(), stop_flag()?);
         while begun.elapsed() < time && !stop.load(Ordering::Relaxed) && is_going_on(&attached.folder()) {
             self.look(take)?;
+            also()?;
             std::thread::sleep(LOOK.min(time.saturating_sub(begun.elapsed())));
         }
-        self.look(take)
+        self.look(take)?;
+        also()
     }
 }
 

@@ -19,7 +19,7 @@
 //! - `attach`, `tap`, `answer`, `proposal`: a running pipeline, its topics, its answers: parts of `echo` and `send`
 //! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
 //! - `subject`, `journals`: a run or a session, and the journals of a run, for the commands that look inside
-//! - `delays`: how long processes waited for a core, for `trace`
+//! - `delays`, `laps`: how long processes waited for a core, and the laps of steps, for `trace`
 //! - `top`, `held`, `processes`: the state of a run or a session at one time, for `top`
 //! - `view`: the page of a run or a session, for `view`
 //! - `upstream`: the images behind a face, for `send` and `view`
@@ -49,6 +49,7 @@ mod exit;
 mod held;
 pub mod jobs;
 mod journals;
+mod laps;
 mod metrics;
 mod number;
 mod path;

@@ -171,7 +171,8 @@ impl Times {
 }
 
 impl Interval {
-    fn of(times: &[u64]) -> Option<Self> {
+    /// From times in rising order, ns; none for fewer than two.
+    pub fn of(times: &[u64]) -> Option<Self> {
         let mut all: Vec<f64> = times.windows(2).map(|w| w[1].saturating_sub(w[0]) as f64 * 1e-6).collect();
         all.sort_by(f64::total_cmp);
         let (min, max) = (*all.first()?, *all.last()?);

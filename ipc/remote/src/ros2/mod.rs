@@ -94,6 +94,8 @@ pub(crate) struct Shared {
     pub graph: Mutex<RosGraph>,
     pub news: Mutex<bool>,
     pub signal: Condvar,
+    /// The session has its router.
+    pub is_connected: AtomicBool,
     pub is_closed: AtomicBool,
 }
 
@@ -126,6 +128,7 @@ impl Ros2 {
             repeated: Mutex::default(),
             news: Mutex::new(false),
             signal: Condvar::new(),
+            is_connected: AtomicBool::new(false),
             is_closed: AtomicBool::new(false),
         });
         let of_thread = shared.clone();
@@ -174,6 +177,11 @@ impl Ros2 {
         lock(&self.shared.repeated).push((outbox, message));
         self.shared.wake();
         Ok(())
+    }
+
+    /// Whether the node has its router.
+    pub fn is_connected(&self) -> bool {
+        self.shared.is_connected.load(Ordering::Relaxed)
     }
 
     /// What happened since the last call.

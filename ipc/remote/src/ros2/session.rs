@@ -138,6 +138,7 @@ impl<'s> Node<'s> {
         let place = NodePlace { domain: *domain, session: session.zid().to_string(), name: node.clone() };
         let text = format!("ROS 2: the node /{node} is connected to {connect}, domain {domain}");
         lock(&shared.graph).note(text, false);
+        shared.is_connected.store(true, Ordering::Relaxed);
         let others = {
             let (shared, own) = (shared.clone(), place.session.clone());
             move |sample: zenoh::sample::Sample| {
@@ -168,7 +169,7 @@ impl<'s> Node<'s> {
     /// Puts what waits until the node is closed.
     fn serve(mut self) -> Result<(), RemoteError> {
         let opened = Instant::now();
-        let (mut looked, mut is_connected, mut has_shown) = (Instant::now(), true, false);
+        let (mut looked, mut has_shown) = (Instant::now(), false);
         while !self.shared.is_closed.load(Ordering::Relaxed) {
             self.declare()?;
             let mut worked = false;
@@ -181,7 +182,7 @@ impl<'s> Node<'s> {
             }
             if looked.elapsed() >= EACH {
                 looked = Instant::now();
-                self.look(&mut is_connected);
+                self.look();
                 self.repeats.iter_mut().for_each(|(gives, message)| gives.put(message));
             }
             if !has_shown && opened.elapsed() >= SHOWING {
@@ -196,10 +197,9 @@ impl<'s> Node<'s> {
     }
 
     /// Tells whether the router went or came back: the session connects again by itself.
-    fn look(&self, is_connected: &mut bool) {
+    fn look(&self) {
         let is_here = self.session.info().routers_zid().wait().next().is_some();
-        if is_here != *is_connected {
-            *is_connected = is_here;
+        if self.shared.is_connected.swap(is_here, Ordering::Relaxed) != is_here {
             let connect = &self.shared.settings.connect;
             let text = match is_here {
                 true => format!("ROS 2: the router at {connect} is back"),
@@ -268,6 +268,7 @@ impl<'s> Node<'s> {
 
 impl Drop for Node<'_> {
     fn drop(&mut self) {
+        self.shared.is_connected.store(false, Ordering::Relaxed);
         self.gives.iter().for_each(|gives| gives.outbox.set_has_listener(false));
         let _ = self.session.close().wait();
     }

@@ -2,6 +2,8 @@
 
 pub mod bridge;
 pub mod exchange;
+pub mod foxglove;
+pub mod listen;
 pub mod pki;
 pub mod plan_client;
 pub mod pool;

@@ -13,18 +13,20 @@ use super::bridge;
 use super::hz::watched;
 use crate::attach::Which;
 use crate::doctor::settings::Kernel;
-use crate::doctor::{Finding, Verdict, latency, limits, wakeup};
+use crate::doctor::{Finding, Verdict, camera, latency, limits, wakeup};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::PipelineFile;
 
-/// Measure whether this machine will hold a pipeline: priority, wake-ups, clocks, cores, shared memory, limits, disk, ports.
+/// Measure whether this machine will hold a pipeline: priority, wake-ups, clocks, cores, shared memory, limits, disk, ports,
+/// cameras of ROS 2.
 ///
 /// Exit codes: 0 all is well; 1 a setting is not known, or could be better; 2 the pipeline will not hold.
 #[derive(Args)]
 pub struct Doctor {
     #[command(flatten)]
     pipeline: PipelineFile,
-    /// How long wake-ups are measured: by this program, then by `cyclictest` and `rtla` where they are installed.
+    /// How long wake-ups are measured: by this program, then by `cyclictest` and `rtla` where they are installed. Then
+    /// cameras of ROS 2 are listened to, as long.
     #[arg(long = "for", value_name = "TIME", default_value = "10s")]
     time: String,
     /// Folder in which sessions are to be recorded.
@@ -74,6 +76,10 @@ impl Doctor {
         findings.push(limits::leftovers());
         if !graph.hosts.is_empty() || graph.ros2.is_some() || !graph.pools.is_empty() {
             findings.push(versions());
+        }
+        // Without the program, its version says so.
+        if let Ok(program) = bridge::command() {
+            findings.extend(camera::rates(graph, time, program));
         }
         let worst = findings.iter().map(|f| f.verdict).max().unwrap_or(Verdict::Good);
         if self.json {

@@ -7,13 +7,14 @@ use clap::Args;
 use serde_json::json;
 use stillpoint_operator::Registry;
 use stillpoint_report::pipeline_of;
-use stillpoint_report::trace::{Blame, Journals, Laps, Operator, PathFigures, Trace, as_run, laps, perfetto};
+use stillpoint_report::trace::{Blame, Journals, Operator, PathFigures, Trace, as_run, laps, perfetto};
 
 use super::hz::watched;
 use crate::columns::{Columns, Side};
 use crate::delays::{Delay, Delays};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::journals::JournalTaps;
+use crate::laps::LapTaps;
 use crate::private;
 use crate::subject::{Of, Subject};
 
@@ -54,28 +55,25 @@ impl TracePaths {
             Subject::Session(_, session) => {
                 // A pipeline that this build does not know leaves processes and links unknown.
                 let graph = pipeline_of(session, registry).ok().map(|(graph, _)| as_run(&graph, session));
-                self.show(&subject, &Journals::of_session(session, graph.as_ref()), &laps(session), None)
+                let journals = Journals::of_session(session, graph.as_ref()).with_laps(laps(session));
+                self.show(&subject, &journals, None)
             }
             Subject::Run(attached) => {
                 let time = watched(&self.time)?;
                 let mut entries = vec![Vec::new(); attached.graph.operators.len()];
                 let taps = JournalTaps::open(attached, |_| true)?;
+                let mut laps = LapTaps::open(attached)?;
                 let before = Delays::now(attached.pid);
-                taps.watch(attached, time, &mut |operator, entry| entries[operator].push(entry))?;
+                let mut take = |operator: usize, entry| entries[operator].push(entry);
+                taps.watch_with(attached, time, &mut take, &mut || laps.look())?;
                 let delays = Delays::now(attached.pid).since(&before);
-                let journals = Journals::of_run(&attached.graph, &entries);
-                self.show(&subject, &journals, &Laps::new(), Some(&delays))
+                let journals = Journals::of_run(&attached.graph, &entries).with_laps(laps.laps);
+                self.show(&subject, &journals, Some(&delays))
             }
         }
     }
 
-    fn show(
-        &self,
-        subject: &Subject,
-        journals: &Journals<'_>,
-        laps: &Laps,
-        delays: Option<&[Delay]>,
-    ) -> Ended {
+    fn show(&self, subject: &Subject, journals: &Journals<'_>, delays: Option<&[Delay]>) -> Ended {
         let fits = |asked: &Option<String>, name: &str| asked.as_ref().is_none_or(|asked| asked == name);
         let of_operator = |name: &str| name.split('.').next().unwrap_or_default().to_owned();
         let trace = Trace::of(journals, |from, to| {
@@ -92,7 +90,7 @@ impl TracePaths {
             )));
         }
         if let Some(file) = &self.perfetto {
-            let text = serde_json::to_vec(&perfetto(journals, laps)).map_err(Failure::failed)?;
+            let text = serde_json::to_vec(&perfetto(journals)).map_err(Failure::failed)?;
             private::create(file).and_then(|mut out| out.write_all(&text)).map_err(|e| {
                 Failure::failed(format!("{}: {e}; choose another file with --perfetto", file.display()))
             })?;
@@ -208,17 +206,35 @@ fn print_path(number: usize, path: &PathFigures) {
         ]);
     }
     out!("{table}");
+    print_laps(path);
     let blame =
         if path.blame.is_empty() { "none took longer than usual".to_owned() } else { blamed(&path.blame) };
     outln!("to blame for the {} longest: {blame}", path.worst.len());
     for worst in path.worst.iter().filter(|w| w.beyond_ms > 0.0).take(3) {
+        let lap = worst.lap.as_ref().map_or_else(String::new, |lap| format!(", most in {lap}"));
         outln!(
-            "  sample {}: {:.2} ms, {} took {:.2} ms more than its median ({})",
+            "  sample {}: {:.2} ms, {} took {:.2} ms more than its median ({}{lap})",
             worst.sequence,
             worst.total_ms,
             worst.operator,
             worst.beyond_ms,
             worst.part.word()
         );
+    }
+}
+
+/// The laps of the steps on a path, where there are any.
+fn print_laps(path: &PathFigures) {
+    let names = [(Side::Left, "operator"), (Side::Left, "lap")];
+    let times = ["p50 ms", "p90", "p99", "worst"].map(|name| (Side::Right, name));
+    let mut table = Columns::new(names.into_iter().chain(times));
+    let laps: Vec<_> = path.hops.iter().flat_map(|hop| hop.laps.iter().map(move |lap| (hop, lap))).collect();
+    for (hop, lap) in &laps {
+        let names = [hop.operator.clone(), lap.lap.clone()];
+        let time = &lap.time_ms;
+        table.row(names.into_iter().chain([time.p50, time.p90, time.p99, time.max].map(ms)));
+    }
+    if !laps.is_empty() {
+        out!("{table}");
     }
 }

@@ -10,11 +10,15 @@
 //! - `figures`: the state as JSON: the figures of `top`, with paths, ledger and log
 //! - `commands`: commands of the page, which need a token
 //! - `server`: HTTP
+//! - `foxglove`: other viewers, whose server is fed from here
+//! - `messages`: what they are shown
 //! - `page`: what a browser loads
 
 mod commands;
 mod figures;
 mod follow;
+mod foxglove;
+mod messages;
 mod past;
 mod picture;
 mod pictures;
@@ -25,6 +29,7 @@ mod server;
 
 pub use commands::Commands;
 pub use follow::follow;
+pub use foxglove::serve as serve_viewers;
 pub use past::Past;
 pub use served::Served;
 pub use server::serve;

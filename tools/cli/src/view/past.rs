@@ -83,6 +83,18 @@ impl Past {
         Ok(served)
     }
 
+    /// The first and the last time, ns.
+    pub fn range(&self) -> (u64, u64) {
+        let entries = self.session.journals().values().flatten();
+        let last = entries.map(|entry| entry.header.stamp).max().unwrap_or(self.base);
+        (self.base, last.max(self.base))
+    }
+
+    /// Whether a replay computes the images.
+    pub fn computes_images(&self) -> bool {
+        self.pictures.as_ref().is_some_and(|pictures| pictures.needs_replay())
+    }
+
     /// The state at a time, s: the figures of the window that ends then.
     pub fn state(&self, t: f64) -> Option<String> {
         let (entries, seconds) = self.window(t);

@@ -2,6 +2,7 @@
 
 use serde_json::json;
 use stillpoint_operator::frames::Rigid;
+use stillpoint_report::Indexed;
 use stillpoint_report::proposal::{PictureError, pixels};
 use stillpoint_samples::{AlignedBytes, Pieces, PointCloud, Sample};
 
@@ -31,6 +32,17 @@ pub struct Given {
 }
 
 impl Picture {
+    /// The image with the outline of the face, and the points of the face: three numbers each, m, in the couch's frame.
+    ///
+    /// # Errors
+    /// The image cannot be drawn.
+    pub fn drawn(&self, camera: &Camera) -> Result<(Indexed, Vec<f32>), PictureError> {
+        let face = self.face.as_deref();
+        let picture = pixels(camera.kind, &self.image, face, camera.image_from_face.as_ref())?;
+        let points = face.map_or_else(Vec::new, |face| points(face, camera.couch_from_face.as_ref()));
+        Ok((picture, points))
+    }
+
     /// The picture as the page reads it: the length of a head (`u32`, little-endian), the head as JSON, the palette (three
     /// bytes a colour), a byte for each pixel, and the points of the face (three `f32`, little-endian, m, in the couch's
     /// frame).
@@ -38,9 +50,7 @@ impl Picture {
     /// # Errors
     /// The image cannot be drawn.
     pub fn bytes(&self, camera: &Camera, given: Given, base: u64) -> Result<Vec<u8>, PictureError> {
-        let face = self.face.as_deref();
-        let picture = pixels(camera.kind, &self.image, face, camera.image_from_face.as_ref())?;
-        let points = face.map_or_else(Vec::new, |face| points(face, camera.couch_from_face.as_ref()));
+        let (picture, points) = self.drawn(camera)?;
         let head = json!({
             "number": given.number,
             "final": given.is_final,
@@ -49,7 +59,7 @@ impl Picture {
             "height": picture.height,
             "colours": picture.colours.len(),
             "points": points.len() / 3,
-            "face": face.is_some(),
+            "face": self.face.is_some(),
         });
         // The pixels begin at any place: a page reads them as bytes.
         let head = head.to_string();

@@ -73,6 +73,11 @@ impl Pictures {
         }
     }
 
+    /// Whether the session lacks images or faces, so that a replay computes them.
+    pub fn needs_replay(&self) -> bool {
+        self.needs_replay
+    }
+
     /// Where the images come from.
     pub fn place(&self) -> &'static str {
         if self.needs_replay { "computed by a replay" } else { "recorded" }

@@ -9,6 +9,9 @@ use stillpoint_samples::{
     Sample, SampleKind, Target, Track, Verb,
 };
 
+use stillpoint_pose::{of_frame, orientation};
+use stillpoint_viewer::Place;
+
 use crate::upstream::{image_behind, input_of};
 
 /// Number of an operator and of its output.
@@ -34,6 +37,8 @@ pub enum Says {
 pub struct Camera {
     /// The images.
     pub image: Port,
+    /// Their frame.
+    pub frame: Option<String>,
     /// A depth image or a cloud.
     pub kind: &'static SampleKind,
     /// The faces.
@@ -53,6 +58,8 @@ pub struct Scene {
     pub topics: Vec<(Says, Port)>,
     /// The camera.
     pub camera: Option<Camera>,
+    /// The frame of the estimate.
+    pub frame: Option<String>,
 }
 
 impl Scene {
@@ -76,7 +83,8 @@ impl Scene {
         ];
         let topics: Vec<(Says, Port)> = found.into_iter().filter_map(|(says, p)| Some((says, p?))).collect();
         let estimate = topics.iter().find(|(says, _)| *says == Says::Estimate).map(|(_, port)| *port);
-        Self { camera: camera(graph, tracker, estimate), topics }
+        let frame = estimate.or(tracker).and_then(|port| frame(graph, port));
+        Self { camera: camera(graph, tracker, frame.as_deref()), topics, frame }
     }
 
     /// What does not change: names, words of numbers, the camera's place.
@@ -93,6 +101,9 @@ impl Scene {
             "image": camera.map(|c| name(graph, c.image)),
             "face": camera.and_then(|c| c.face).map(|port| name(graph, port)),
             "camera": camera.and_then(|c| c.couch_from_image.as_ref()).map(axes),
+            "camera_place": camera.and_then(|c| c.couch_from_image.as_ref()).map(placed),
+            "frame": self.frame,
+            "image_frame": camera.and_then(|c| c.frame.clone()),
             "consoles": consoles.map(|o| o.name.clone()).collect::<Vec<_>>(),
             "verbs": Verb::ALL.iter().map(|(word, _)| *word).collect::<Vec<_>>(),
             "words": {
@@ -111,13 +122,14 @@ pub fn name(graph: &Graph, (operator, output): Port) -> String {
     graph.operators[operator].outputs[output].topic.clone()
 }
 
-fn camera(graph: &Graph, tracker: Option<Port>, estimate: Option<Port>) -> Option<Camera> {
-    let frame = |(operator, output): Port| graph.operators[operator].outputs[output].frame.clone();
-    let couch = estimate.or(tracker).and_then(frame);
-    let to_couch = |port: Port| {
-        let (to, from) = (couch.clone()?, frame(port)?);
-        graph.frames.transform(&to, &from)
-    };
+/// The frame of a topic.
+fn frame(graph: &Graph, (operator, output): Port) -> Option<String> {
+    graph.operators[operator].outputs[output].frame.clone()
+}
+
+fn camera(graph: &Graph, tracker: Option<Port>, couch: Option<&str>) -> Option<Camera> {
+    let frame = |port: Port| frame(graph, port);
+    let to_couch = |port: Port| graph.frames.transform(couch?, &frame(port)?);
     let face = tracker.and_then(|(operator, _)| input_of(graph, operator, PointCloud::KIND))?;
     let (image, kind) = image_behind(graph, face)?;
     let image_from_face = match (frame(image), frame(face)) {
@@ -126,12 +138,19 @@ fn camera(graph: &Graph, tracker: Option<Port>, estimate: Option<Port>) -> Optio
     };
     Some(Camera {
         image,
+        frame: frame(image),
         kind,
         face: Some(face),
         image_from_face,
         couch_from_face: to_couch(face),
         couch_from_image: to_couch(image),
     })
+}
+
+/// A frame as a pose.
+fn placed(rigid: &Rigid) -> Place {
+    let pose = of_frame(rigid);
+    Place { position: pose.translation.vector.into(), orientation: orientation(&pose.rotation) }
 }
 
 /// A frame as its origin and its axes.

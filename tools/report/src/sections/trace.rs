@@ -4,7 +4,7 @@ use crate::ReportError;
 use crate::numbers::{count, fixed};
 use crate::page::{Block, Cell, Section, Table};
 use crate::source::Source;
-use crate::trace::{Blame, Journals, PathFigures, Trace, as_run};
+use crate::trace::{Blame, Journals, PathFigures, Trace, as_run, laps};
 
 /// Paths that are shown; all of them are among the figures.
 const SHOWN: usize = 20;
@@ -12,7 +12,8 @@ const SHOWN: usize = 20;
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let session = from.recording.session;
     let graph = from.pipeline.as_ref().ok().map(|(graph, _)| as_run(graph, session));
-    let trace = Trace::of(&Journals::of_session(session, graph.as_ref()), |_, _| true);
+    let journals = Journals::of_session(session, graph.as_ref()).with_laps(laps(session));
+    let trace = Trace::of(&journals, |_, _| true);
     let mut section = Section::new("trace", "From source to sink", &trace)?;
     let Some(longest) = trace.longest() else {
         return Ok(section.nothing("No sample came from a source to a sink, as far as the journals say."));
@@ -25,6 +26,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let arrived: Vec<&PathFigures> = trace.quickest().into_iter().map(|at| &trace.paths[at]).collect();
     section.blocks.push(Block::Table(overview(&arrived)));
     section.blocks.push(Block::Table(hops(longest)));
+    if longest.hops.iter().any(|hop| !hop.laps.is_empty()) {
+        section.blocks.push(Block::Table(within(longest)));
+    }
     Ok(section)
 }
 
@@ -80,6 +84,18 @@ fn hops(path: &PathFigures) -> Table {
             ms(hop.since_ms.p50),
             ms(hop.since_ms.max),
         ]);
+    }
+    table
+}
+
+fn within(path: &PathFigures) -> Table {
+    let columns = ["operator", "lap", "steps", "p50, ms", "p90", "p99", "worst"];
+    let mut table = Table::new("The laps of the steps on this path.", &columns);
+    for (hop, lap) in path.hops.iter().flat_map(|hop| hop.laps.iter().map(move |lap| (hop, lap))) {
+        let time = &lap.time_ms;
+        let names = [Cell::text(&hop.operator), Cell::text(&lap.lap), Cell::number(count(time.count as u64))];
+        let times = [time.p50, time.p90, time.p99, time.max].map(ms);
+        table.row(names.into_iter().chain(times).collect::<Vec<_>>());
     }
     table
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::follow::{self, End, Passage, PoseRole};
+use super::follow::{self, End, Passage, PoseRole, Stop};
 use super::journals::Journals;
 use super::paths::{self, Path};
 use crate::statistics::{Spread, quantile};
@@ -61,8 +61,19 @@ pub struct HopFigures {
     pub step_ms: Spread,
     /// All parts that are not 0.
     pub parts_ms: BTreeMap<&'static str, Spread>,
+    /// The laps of the step, in its order; empty where none were measured.
+    pub laps: Vec<LapFigures>,
     /// From the acquisition to the sending.
     pub since_ms: Spread,
+}
+
+/// A lap of the steps of an operator.
+#[derive(Clone, Debug, Serialize)]
+pub struct LapFigures {
+    /// Its name.
+    pub lap: String,
+    /// Its time.
+    pub time_ms: Spread,
 }
 
 /// A sample that took long.
@@ -82,6 +93,8 @@ pub struct Worst {
     pub part: PoseRole,
     /// How much beyond the median.
     pub beyond_ms: f64,
+    /// Of a step: its lap that took the most beyond its median, where laps were measured.
+    pub lap: Option<String>,
 }
 
 /// How often an operator was to blame.
@@ -129,7 +142,8 @@ impl PathFigures {
             };
             Lost { operator: operators[hop].clone(), why, samples }
         });
-        let worst = worst(&passages, &operators);
+        let laps: Vec<HopLaps<'_>> = operators.iter().map(|o| HopLaps::of(journals, o)).collect();
+        let worst = worst(&passages, &operators, &laps);
         Self {
             path: path.text(journals),
             from: path.from(journals),
@@ -138,7 +152,7 @@ impl PathFigures {
             arrived: passages.len(),
             lost: lost.collect(),
             total_ms: Spread::of(passages.iter().map(|p| ms(p.total()))),
-            hops: hops(&passages, &operators),
+            hops: hops(&passages, &operators, &laps),
             blame: blame(&worst),
             worst,
             operators,
@@ -146,7 +160,40 @@ impl PathFigures {
     }
 }
 
-fn hops(passages: &[Passage], operators: &[String]) -> Vec<HopFigures> {
+/// The laps of the operator of a hop.
+struct HopLaps<'j>(Option<&'j BTreeMap<u64, Vec<(String, u64)>>>);
+
+impl<'j> HopLaps<'j> {
+    fn of(journals: &'j Journals<'_>, operator: &str) -> Self {
+        Self(journals.laps.get(operator))
+    }
+
+    /// Of the activation that sent what follows from a sample; none where it was not measured.
+    fn at(&self, stop: &Stop) -> &'j [(String, u64)] {
+        let sender = stop.taken.saturating_add(stop.parts[PoseRole::Hold as usize]);
+        self.0.and_then(|laps| laps.get(&sender)).map_or(&[], Vec::as_slice)
+    }
+
+    /// The figures of the laps over the passages through hop `at`.
+    fn figures(&self, passages: &[Passage], at: usize) -> Vec<LapFigures> {
+        let measured = || passages.iter().map(|p| self.at(&p.stops[at]));
+        let Some(names) = measured().find(|laps| !laps.is_empty()) else { return Vec::new() };
+        let figures = |(number, (lap, _)): (usize, &(String, u64))| LapFigures {
+            lap: lap.clone(),
+            time_ms: Spread::of(measured().filter_map(|laps| Some(ms(laps.get(number)?.1)))),
+        };
+        names.iter().enumerate().map(figures).collect()
+    }
+
+    /// The lap of a stop that is the most beyond its median, by the figures of all.
+    fn blame(&self, stop: &Stop, figures: &[LapFigures]) -> Option<String> {
+        let beyond = |(lap, of): &(&(String, u64), &LapFigures)| ms(lap.1) - of.time_ms.p50.unwrap_or(0.0);
+        let both = self.at(stop).iter().zip(figures);
+        both.max_by(|a, b| beyond(a).total_cmp(&beyond(b))).map(|((lap, _), _)| lap.clone())
+    }
+}
+
+fn hops(passages: &[Passage], operators: &[String], laps: &[HopLaps<'_>]) -> Vec<HopFigures> {
     let hop = |(at, operator): (usize, &String)| {
         let of = |time: &dyn Fn(&Passage) -> u64| Spread::of(passages.iter().map(|p| ms(time(p))));
         let parts = PoseRole::ALL
@@ -157,6 +204,7 @@ fn hops(passages: &[Passage], operators: &[String]) -> Vec<HopFigures> {
             wait_ms: of(&|p| p.stops[at].taken.saturating_sub(p.stops[at].arrived)),
             step_ms: of(&|p| p.stops[at].parts[PoseRole::Step as usize]),
             parts_ms: parts.map(|part| (part.word(), of(&|p| p.stops[at].parts[*part as usize]))).collect(),
+            laps: laps[at].figures(passages, at),
             since_ms: of(&|p| p.stops[at].sent.saturating_sub(p.acquired)),
         }
     };
@@ -200,8 +248,9 @@ impl Medians {
 }
 
 /// The longest passages with the part of a hop that is the most beyond its median.
-fn worst(passages: &[Passage], operators: &[String]) -> Vec<Worst> {
+fn worst(passages: &[Passage], operators: &[String], laps: &[HopLaps<'_>]) -> Vec<Worst> {
     let medians = Medians::of(passages, operators.len());
+    let figures: Vec<_> = laps.iter().enumerate().map(|(at, of)| of.figures(passages, at)).collect();
     let mut longest: Vec<&Passage> = passages.iter().collect();
     longest.sort_by_key(|p| std::cmp::Reverse(p.total()));
     let one = |p: &&Passage| {
@@ -214,6 +263,7 @@ fn worst(passages: &[Passage], operators: &[String]) -> Vec<Worst> {
             operator: operators[at].clone(),
             part,
             beyond_ms,
+            lap: laps[at].blame(&p.stops[at], &figures[at]).filter(|_| part == PoseRole::Step),
         }
     };
     longest.iter().take(WORST).map(one).collect()

@@ -21,6 +21,8 @@ type Index = BTreeMap<(u32, u64), (u32, usize)>;
 pub struct Journals<'e> {
     /// The operators.
     pub operators: Vec<Operator<'e>>,
+    /// The laps that were measured.
+    pub laps: Laps,
     /// When operators of a process were at work, ns, by process, in order.
     busy: BTreeMap<String, Vec<(u64, u64)>>,
 }
@@ -78,6 +80,12 @@ impl<'e> Journals<'e> {
         Self::new(all.collect(), Some(graph))
     }
 
+    /// The same with laps.
+    #[must_use]
+    pub fn with_laps(self, laps: Laps) -> Self {
+        Self { laps, ..self }
+    }
+
     pub(super) fn new(stages: Vec<(Stage, &'e [Entry], bool)>, graph: Option<&Graph>) -> Self {
         let operators: Vec<Operator<'e>> = stages
             .into_iter()
@@ -113,7 +121,7 @@ impl<'e> Journals<'e> {
                 }
             })
             .collect();
-        let mut journals = Self { operators, busy: BTreeMap::new() };
+        let mut journals = Self { operators, laps: Laps::new(), busy: BTreeMap::new() };
         for operator in 0..journals.operators.len() {
             journals.operators[operator].acquires = journals.does_acquire(operator);
         }
@@ -257,12 +265,16 @@ pub fn laps(session: &Session) -> Laps {
     for recorded in session.samples_where(|t| t.role == TopicRole::Measured).flatten() {
         let topic = &session.topics()[recorded.topic];
         let Ok(pieces) = Pieces::split(Diagnostics::KIND, &recorded.sample) else { continue };
-        let Ok(view) = pieces.view::<Diagnostics>() else { continue };
-        let times = view.elements.iter().filter(|m| m.value.is_finite() && m.value >= 0.0);
-        let times = times
-            .map(|m| (m.name().trim_end_matches("_s").replace('_', " "), (m.value * 1e9).min(1e15) as u64));
-        let of = laps.entry(topic.operator.clone()).or_default();
-        of.insert(pieces.header().stamp, times.collect());
+        add_laps(&mut laps, &topic.operator, pieces);
     }
     laps
+}
+
+/// Adds the laps of an activation of an operator: a sample of its topic `timing`. A sample of another type adds nothing.
+pub fn add_laps(laps: &mut Laps, operator: &str, sample: Pieces<'_>) {
+    let Ok(view) = sample.view::<Diagnostics>() else { return };
+    let times = view.elements.iter().filter(|m| m.value.is_finite() && m.value >= 0.0);
+    let times =
+        times.map(|m| (m.name().trim_end_matches("_s").replace('_', " "), (m.value * 1e9).min(1e15) as u64));
+    laps.entry(operator.to_owned()).or_default().insert(view.header.stamp, times.collect());
 }

@@ -18,9 +18,9 @@ use serde::Serialize;
 
 pub use edges::{EdgeFigures, edges};
 pub use figures::passages_between;
-pub use figures::{Blame, HopFigures, Judged, Lost, PathFigures, Worst};
+pub use figures::{Blame, HopFigures, Judged, LapFigures, Lost, PathFigures, Worst};
 pub use follow::PoseRole;
-pub use journals::{Journals, Laps, Operator, as_run, laps};
+pub use journals::{Journals, Laps, Operator, add_laps, as_run, laps};
 pub use perfetto::perfetto;
 
 pub use crate::statistics::Spread;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use stillpoint_samples::{Outcome, RefKind};
 
-use super::journals::{Journals, Laps};
+use super::journals::Journals;
 use crate::wiring::is_activation;
 
 /// Longest number that is exact in the JSON of every reader.
@@ -11,7 +11,7 @@ const MOST_FLOWS: u64 = 1 << 53;
 
 /// A process for each process, a thread for each operator, a slice for each activation with its laps in it, and an arrow
 /// from the activation that sent a sample to the one that took it. Times are in us since the first activation.
-pub fn perfetto(journals: &Journals<'_>, laps: &Laps) -> Value {
+pub fn perfetto(journals: &Journals<'_>) -> Value {
     let begun = journals.first();
     let us = |ns: u64| ns.saturating_sub(begun) as f64 * 1e-3;
     let mut processes: Vec<&str> = journals.operators.iter().map(|o| o.process.as_str()).collect();
@@ -44,7 +44,7 @@ pub fn perfetto(journals: &Journals<'_>, laps: &Laps) -> Value {
                 }
             }));
             let mut lap_start = start;
-            for (lap, time) in laps.get(name).and_then(|l| l.get(&start)).into_iter().flatten() {
+            for (lap, time) in journals.laps.get(name).and_then(|l| l.get(&start)).into_iter().flatten() {
                 let end = lap_start.saturating_add(*time).min(sent);
                 events.push(json!({
                     "ph": "X", "name": lap, "cat": "lap", "pid": pid, "tid": tid,

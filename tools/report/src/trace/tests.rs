@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use stillpoint_samples::{Cause, Entry, Header, JournalBody, JournalRef, RefKind};
 
 use super::*;
@@ -119,6 +121,33 @@ fn the_longest_is_blamed_on_what_took_more_than_its_median() {
     assert!(sum >= worst.total_ms, "{sum}");
 }
 
+/// Laps of the activations of the face at 13 and 213 ms.
+fn laps_of_face() -> Laps {
+    let of =
+        |planes: u64, rest: u64| vec![("planes".to_owned(), planes * MS), ("rest".to_owned(), rest * MS)];
+    Laps::from([("face".to_owned(), BTreeMap::from([(13 * MS, of(4, 9)), (213 * MS, of(2, 58))]))])
+}
+
+#[test]
+fn a_step_that_is_to_blame_names_its_lap() {
+    let (camera, face, law) = (camera(), face(), law());
+    let stages = vec![
+        (stage("rig", &[], &["rig.depth"]), camera.as_slice(), true),
+        (stage("face", &["rig.depth"], &["face.face"]), face.as_slice(), false),
+        (stage("law", &["face.face"], &["law.duties"]), law.as_slice(), false),
+    ];
+    let trace = Trace::of(&Journals::new(stages, None).with_laps(laps_of_face()), |_, _| true);
+    let path = &trace.paths[0];
+    // In the order of the step, not of the names.
+    let laps: Vec<_> =
+        path.hops[1].laps.iter().map(|l| (l.lap.as_str(), l.time_ms.count, l.time_ms.max)).collect();
+    assert_eq!(laps, [("planes", 2, Some(4.0)), ("rest", 2, Some(58.0))]);
+    assert!(path.hops[0].laps.is_empty() && path.hops[2].laps.is_empty());
+    assert_eq!((path.worst[0].operator.as_str(), path.worst[0].lap.as_deref()), ("face", Some("rest")));
+    // A sample whose activation was not measured has no lap to blame.
+    assert!(path.worst[1..].iter().all(|w| w.operator != "face" || w.sequence == 0 || w.lap.is_none()));
+}
+
 #[test]
 fn the_parts_of_a_passage_are_its_whole_time() {
     let (camera, face, law) = (camera(), face(), law());
@@ -145,12 +174,7 @@ fn a_perfetto_trace_has_a_slice_for_each_activation_and_arrows_within_slices() {
         (stage("face", &["rig.depth"], &["face.face"]), face.as_slice(), false),
         (stage("law", &["face.face"], &["law.duties"]), law.as_slice(), false),
     ];
-    let journals = Journals::new(stages, None);
-    let mut laps = Laps::new();
-    laps.entry("face".into())
-        .or_default()
-        .insert(13 * MS, vec![("planes".into(), 4 * MS), ("rest".into(), 9 * MS)]);
-    let value = perfetto(&journals, &laps);
+    let value = perfetto(&Journals::new(stages, None).with_laps(laps_of_face()));
     let events = value["traceEvents"].as_array().unwrap_or_else(|| panic!("{value}"));
     let of = |phase: &str| events.iter().filter(|e| e["ph"] == phase).collect::<Vec<_>>();
     // The last activation of each operator has no known end.
