@@ -31,6 +31,8 @@ pub const IDENTITY: &str = "stillpoint.identity";
 
 /// Metadata record with date and residual of each frame.
 pub const EXTRINSICS: &str = "stillpoint.extrinsics";
+/// Metadata record of the variables of the environment that paths of the pipeline named, with their values.
+pub const VARIABLES: &str = "stillpoint.variables";
 /// Record of what operators leave out of their files, by operator.
 pub const REMARKS: &str = "stillpoint.remarks";
 
@@ -149,6 +151,9 @@ pub fn opening(
     let remarks: BTreeMap<String, String> = remarks.collect();
     if !remarks.is_empty() {
         metadata.insert(REMARKS.to_string(), remarks);
+    }
+    if !source.variables.is_empty() {
+        metadata.insert(VARIABLES.to_string(), source.variables.clone());
     }
     let frames = static_transforms(graph);
     // A simulated session knows no realtime: two equal runs give equal files.

@@ -2,16 +2,18 @@
 
 use std::cell::RefCell;
 
+use super::composed::compose_for;
 use super::document;
 use super::faults::{Code, Faults, Findings};
 use super::machine::Machine;
 use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
+use super::variables::Replaced;
 use super::wiring::Wired;
 use super::{
     assemble, confirm, contracts, hosts, identity, links, order, port_frames, ros2, script_settings, sets,
-    start, sync, wiring, yaml,
+    start, sync, variables, wiring, yaml,
 };
 use crate::graph::Graph;
 use crate::operator::Files;
@@ -31,19 +33,24 @@ pub fn check(
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
     // A session is replayed, and a run joined, wherever one is: what its processes asked of their machine is no fault.
-    checked(&Machine::default(), Purpose::Restart, text, file_name, sets, registry, files)
+    let purpose = Purpose::Restart;
+    Request { machine: &Machine::default(), purpose, text, file_name, sets, registry, files }
+        .checked()
+        .map(|(graph, _)| graph)
 }
 
 /// What a pipeline is checked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Purpose {
+pub(super) enum Purpose {
     /// It is to run.
     Run,
+    /// It is to run on the samples of a session.
+    Rerun,
     /// It has run, or runs: what contradicts itself in it is a fact, which a replay shows.
     Restart,
 }
 
-/// As [`check`], for a pipeline that is to run on this machine.
+/// As [`check`], for a pipeline that is to run on this machine: paths may name variables of the environment.
 pub fn check_for(
     machine: &Machine,
     text: &str,
@@ -52,106 +59,110 @@ pub fn check_for(
     registry: &Registry,
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
-    checked(machine, Purpose::Run, text, file_name, sets, registry, files)
+    compose_for(machine, text, file_name, sets, registry, files).map(|composed| composed.graph)
 }
 
-fn checked(
-    machine: &Machine,
-    purpose: Purpose,
-    text: &str,
-    file_name: &str,
-    sets: &[String],
-    registry: &Registry,
-    files: &dyn Files,
-) -> Result<Graph, Faults> {
-    let findings = Findings::default();
-    let graph = pass(machine, purpose, text, sets, registry, files, &findings);
-    match graph {
-        Some(graph) if findings.is_empty() => Ok(graph),
-        _ => {
+/// A pipeline that is to be checked, and for what.
+pub(super) struct Request<'a> {
+    pub machine: &'a Machine,
+    pub purpose: Purpose,
+    pub text: &'a str,
+    pub file_name: &'a str,
+    pub sets: &'a [String],
+    pub registry: &'a Registry,
+    pub files: &'a dyn Files,
+}
+
+impl Request<'_> {
+    /// The graph, and what was replaced in the file and its arguments.
+    pub fn checked(&self) -> Result<(Graph, Replaced), Faults> {
+        let findings = Findings::default();
+        let mut replaced = Replaced::default();
+        let graph = self.pass(&mut replaced, &findings);
+        match graph {
+            Some(graph) if findings.is_empty() => Ok((graph, replaced)),
+            _ => {
+                if findings.is_empty() {
+                    let place = Default::default();
+                    findings.say(
+                        place,
+                        Code::Syntax,
+                        "the pipeline cannot be read",
+                        "report it: no reason was found",
+                    );
+                }
+                Err(findings.into_faults(Sources::new(self.file_name, self.text, self.sets)))
+            }
+        }
+    }
+
+    fn pass(&self, replaced: &mut Replaced, findings: &Findings) -> Option<Graph> {
+        let Self { machine, purpose, text, sets, registry, files, .. } = *self;
+        let parsed = yaml::parse(text, 0, 0, findings);
+        let Some(mut root) = parsed else {
             if findings.is_empty() {
-                let place = Default::default();
                 findings.say(
-                    place,
-                    Code::Syntax,
-                    "the pipeline cannot be read",
-                    "report it: no reason was found",
+                    BEGINNING,
+                    Code::WrongShape,
+                    "the file is empty",
+                    format!("begin with `stillpoint: {}`", document::VERSION),
                 );
             }
-            Err(findings.into_faults(Sources::new(file_name, text, sets)))
+            return None;
+        };
+        let whole = sets::apply(&mut root, sets, findings);
+        if purpose != Purpose::Restart {
+            *replaced = variables::expand(&mut root, machine.variables(), registry, files, findings);
         }
-    }
-}
-
-fn pass(
-    machine: &Machine,
-    purpose: Purpose,
-    text: &str,
-    sets: &[String],
-    registry: &Registry,
-    files: &dyn Files,
-    findings: &Findings,
-) -> Option<Graph> {
-    let parsed = yaml::parse(text, 0, 0, findings);
-    let Some(mut root) = parsed else {
-        if findings.is_empty() {
-            findings.say(
-                BEGINNING,
-                Code::WrongShape,
-                "the file is empty",
-                format!("begin with `stillpoint: {}`", document::VERSION),
-            );
+        let mut document = document::read(&root, findings)?;
+        document.seed = whole.seed.unwrap_or(document.seed);
+        let wired = wiring::connect(&document, registry, files, findings);
+        let mut checked = Vec::new();
+        for (parsed, wired) in document.operators.iter().zip(&wired) {
+            let named = RefCell::new(Vec::new());
+            let params =
+                wired.stage.as_ref().and_then(|stage| params(parsed, stage, files, &named, findings));
+            if let Some(stage) = &wired.stage {
+                timer(parsed, stage, wired, findings);
+            }
+            checked.push((params, named.into_inner()));
         }
-        return None;
-    };
-    let whole = sets::apply(&mut root, sets, findings);
-    let mut document = document::read(&root, findings)?;
-    document.seed = whole.seed.unwrap_or(document.seed);
-    let wired = wiring::connect(&document, registry, files, findings);
-    let mut checked = Vec::new();
-    for (parsed, wired) in document.operators.iter().zip(&wired) {
-        let named = RefCell::new(Vec::new());
-        let params = wired.stage.as_ref().and_then(|stage| params(parsed, stage, files, &named, findings));
-        if let Some(stage) = &wired.stage {
-            timer(parsed, stage, wired, findings);
+        if purpose == Purpose::Run {
+            feeders(&document, &wired, &checked, findings);
         }
-        checked.push((params, named.into_inner()));
-    }
-    if purpose == Purpose::Run {
-        feeders(&document, &wired, &checked, findings);
-    }
-    let policies = sync::policies(&document, &wired, findings);
-    links::check_taken(&document, &wired, findings);
-    script_settings::check(&document, &wired, &checked, findings);
-    confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);
-    let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
-    let order = order::upstream_first(&document, &wired, links_stand, findings);
-    let frames = port_frames::resolve(&document, &wired, findings);
-    if machine.is_to_run() {
+        let policies = sync::policies(&document, &wired, findings);
+        links::check_taken(&document, &wired, findings);
+        script_settings::check(&document, &wired, &checked, findings);
+        confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);
+        let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
+        let order = order::upstream_first(&document, &wired, links_stand, findings);
+        let frames = port_frames::resolve(&document, &wired, findings);
+        if machine.is_to_run() {
+            let params = checked.iter().map(|(params, _)| params.as_ref());
+            identity::check(&document, &wired, params, &frames, findings);
+        }
+        let processes = assemble::processes(&document, links_stand, findings);
+        hosts::check(&document, &wired, &processes, links_stand, whole.host.as_ref(), findings);
+        machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);
+        let record = assemble::record(&document, &wired, findings);
+        let contracts = contracts::check(&document, &wired, findings);
         let params = checked.iter().map(|(params, _)| params.as_ref());
-        identity::check(&document, &wired, params, &frames, findings);
+        let ros2 = ros2::check(&document, &wired, params, &frames, findings);
+        if !findings.is_empty() {
+            return None;
+        }
+        let places = start::places(&document.operators);
+        let mut graph =
+            assemble::graph(document, wired, checked, policies, frames, order, processes, record, ros2)?;
+        graph.contracts = contracts;
+        if let Some(host) = whole.host {
+            graph = graph.part(&host.value);
+        }
+        if purpose == Purpose::Run {
+            start::check(&graph, &places, files, findings);
+        }
+        findings.is_empty().then_some(graph)
     }
-    let processes = assemble::processes(&document, links_stand, findings);
-    hosts::check(&document, &wired, &processes, links_stand, whole.host.as_ref(), findings);
-    machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);
-    let record = assemble::record(&document, &wired, findings);
-    let contracts = contracts::check(&document, &wired, findings);
-    let params = checked.iter().map(|(params, _)| params.as_ref());
-    let ros2 = ros2::check(&document, &wired, params, &frames, findings);
-    if !findings.is_empty() {
-        return None;
-    }
-    let places = start::places(&document.operators);
-    let mut graph =
-        assemble::graph(document, wired, checked, policies, frames, order, processes, record, ros2)?;
-    graph.contracts = contracts;
-    if let Some(host) = whole.host {
-        graph = graph.part(&host.value);
-    }
-    if purpose == Purpose::Run {
-        start::check(&graph, &places, files, findings);
-    }
-    findings.is_empty().then_some(graph)
 }
 
 fn params(

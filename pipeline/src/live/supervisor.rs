@@ -112,6 +112,7 @@ impl Supervisor {
             text: options.source.clone(),
             file: options.file.clone(),
             sets: options.sets.clone(),
+            variables: options.variables.clone(),
             files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
         let clock = SessionClock::start();

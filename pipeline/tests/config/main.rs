@@ -18,3 +18,4 @@ mod sets;
 mod speed;
 mod starting;
 mod suggestions;
+mod variables;

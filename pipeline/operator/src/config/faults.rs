@@ -49,6 +49,7 @@ pub enum Code {
     Host,
     Policy,
     Set,
+    Variable,
 }
 
 impl Code {
@@ -92,6 +93,7 @@ impl Code {
         Code::Host,
         Code::Policy,
         Code::Set,
+        Code::Variable,
     ];
 
     /// The kind as it stands in JSON: `unknown-key`.

@@ -1,0 +1,93 @@
+//! From the marked tree back to YAML.
+
+/// A text as YAML reads it: as it is where that is safe in every place, else in quotes.
+pub fn scalar(text: &str) -> String {
+    let is_safe = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '/' | '+' | '-');
+    let is_read_otherwise = matches!(text, "true" | "false" | "null" | "Null" | "NULL" | "~");
+    let starts = text.starts_with(|c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/'));
+    let is_number_with_unit = text.split(' ').all(|part| !part.is_empty() && part.chars().all(is_safe));
+    if starts && is_number_with_unit && !is_read_otherwise {
+        return text.to_owned();
+    }
+    quoted(text)
+}
+
+/// A text in double quotes.
+fn quoted(text: &str) -> String {
+    let mut out = String::from('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            '\n' => out.push_str("\\n"),
+            '\t' => out.push_str("\\t"),
+            c if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}') => {
+                out.push_str(&format!("\\u{:04x}", c as u32));
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::faults::Findings;
+    use crate::config::tree::Value;
+    use crate::config::yaml;
+
+    #[test]
+    fn a_written_text_is_read_as_it_was() {
+        let texts = [
+            "",
+            " ",
+            "4 mm",
+            "-3",
+            "- x",
+            "a: b",
+            "a #b",
+            "#",
+            "~",
+            "null",
+            "true",
+            "x,y",
+            "[a]",
+            "{a}",
+            "*.tif",
+            "&a",
+            "!a",
+            "a\"b\\c",
+            "two\nlines\t",
+            "/päth/\u{85}\u{2028}\u{feff}x",
+            "'",
+            "%",
+            "@",
+            "`",
+            "a  b",
+            "99 %",
+            "1.5e3",
+            "\u{7f}",
+            "🙂",
+            "? a",
+            ": a",
+            "rig.depth -> valves.datagram",
+            "| a",
+            "> a",
+            "${A}",
+            "--- a",
+            "...",
+        ];
+        for text in texts {
+            for (yaml, place) in
+                [(format!("k: {}", scalar(text)), "block"), (format!("{{ k: {} }}", scalar(text)), "flow")]
+            {
+                let findings = Findings::default();
+                let root = yaml::parse(&yaml, 0, 0, &findings).unwrap();
+                assert!(findings.is_empty(), "{place}: {yaml}");
+                let read = root.get("k").map(|node| &node.value);
+                assert!(matches!(read, Some(Value::Text(t)) if t == text), "{place}: {yaml}: {read:?}");
+            }
+        }
+    }
+}
