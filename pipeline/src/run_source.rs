@@ -24,6 +24,9 @@ pub struct RunSource {
     /// Variables of the environment that stood in paths, with the values that `text` and `sets` have in their places.
     #[serde(default)]
     pub variables: BTreeMap<String, String>,
+    /// The files that the pipeline included, which `text` holds, with their SHA-256.
+    #[serde(default)]
+    pub included: BTreeMap<String, String>,
 }
 
 impl RunSource {

@@ -33,6 +33,8 @@ pub const IDENTITY: &str = "stillpoint.identity";
 pub const EXTRINSICS: &str = "stillpoint.extrinsics";
 /// Metadata record of the variables of the environment that paths of the pipeline named, with their values.
 pub const VARIABLES: &str = "stillpoint.variables";
+/// Metadata record with the SHA-256 of each file that the pipeline included, and that its text holds.
+pub const INCLUDED: &str = "stillpoint.included";
 /// Record of what operators leave out of their files, by operator.
 pub const REMARKS: &str = "stillpoint.remarks";
 
@@ -152,8 +154,10 @@ pub fn opening(
     if !remarks.is_empty() {
         metadata.insert(REMARKS.to_string(), remarks);
     }
-    if !source.variables.is_empty() {
-        metadata.insert(VARIABLES.to_string(), source.variables.clone());
+    for (record, entries) in [(VARIABLES, &source.variables), (INCLUDED, &source.included)] {
+        if !entries.is_empty() {
+            metadata.insert(record.to_string(), entries.clone());
+        }
     }
     let frames = static_transforms(graph);
     // A simulated session knows no realtime: two equal runs give equal files.

@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use super::composed::compose_for;
 use super::document;
 use super::faults::{Code, Faults, Findings};
+use super::includes::{FileText, Includes};
 use super::machine::Machine;
 use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
@@ -21,7 +22,7 @@ use crate::operator::{Feeder, Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
 
 /// Where a file begins.
-const BEGINNING: Span = Span { source: 0, start: 0, end: 0, line: 1, column: 1 };
+pub(super) const BEGINNING: Span = Span { source: 0, start: 0, end: 0, line: 1, column: 1 };
 
 /// Reads a pipeline and checks all of it. `file_name` is what faults name; each of `sets` is an
 /// `operator.param=value` that replaces what the file says; `files` answers for the files that parameters name.
@@ -62,6 +63,17 @@ pub fn check_for(
     compose_for(machine, text, file_name, sets, registry, files).map(|composed| composed.graph)
 }
 
+/// What the texts of a pipeline were expanded to.
+#[derive(Default)]
+pub(super) struct Expansion {
+    /// The files.
+    pub texts: Vec<FileText>,
+    /// The tree of all files, before any argument; none of a file that includes no other.
+    pub tree: Option<Node>,
+    /// What was replaced in paths.
+    pub replaced: Replaced,
+}
+
 /// A pipeline that is to be checked, and for what.
 pub(super) struct Request<'a> {
     pub machine: &'a Machine,
@@ -74,13 +86,14 @@ pub(super) struct Request<'a> {
 }
 
 impl Request<'_> {
-    /// The graph, and what was replaced in the file and its arguments.
-    pub fn checked(&self) -> Result<(Graph, Replaced), Faults> {
+    /// The graph, and what its texts were expanded to.
+    pub fn checked(&self) -> Result<(Graph, Expansion), Faults> {
         let findings = Findings::default();
-        let mut replaced = Replaced::default();
-        let graph = self.pass(&mut replaced, &findings);
+        let mut expansion =
+            Expansion { texts: vec![FileText::own(self.file_name, self.text)], ..Default::default() };
+        let graph = self.pass(&mut expansion, &findings);
         match graph {
-            Some(graph) if findings.is_empty() => Ok((graph, replaced)),
+            Some(graph) if findings.is_empty() => Ok((graph, expansion)),
             _ => {
                 if findings.is_empty() {
                     let place = Default::default();
@@ -91,12 +104,13 @@ impl Request<'_> {
                         "report it: no reason was found",
                     );
                 }
-                Err(findings.into_faults(Sources::new(self.file_name, self.text, self.sets)))
+                let files = expansion.texts.into_iter().map(|file| file.source).collect();
+                Err(findings.into_faults(Sources::of_files(files, self.sets)))
             }
         }
     }
 
-    fn pass(&self, replaced: &mut Replaced, findings: &Findings) -> Option<Graph> {
+    fn pass(&self, expansion: &mut Expansion, findings: &Findings) -> Option<Graph> {
         let Self { machine, purpose, text, sets, registry, files, .. } = *self;
         let parsed = yaml::parse(text, 0, 0, findings);
         let Some(mut root) = parsed else {
@@ -110,9 +124,26 @@ impl Request<'_> {
             }
             return None;
         };
-        let whole = sets::apply(&mut root, sets, findings);
-        if purpose != Purpose::Restart {
-            *replaced = variables::expand(&mut root, machine.variables(), registry, files, findings);
+        let mut includes = Includes {
+            texts: &mut expansion.texts,
+            files,
+            variables: machine.variables(),
+            replaced: &mut expansion.replaced,
+            findings,
+            is_whole: true,
+        };
+        includes.expand(&mut root);
+        if !includes.is_whole {
+            return None;
+        }
+        let texts = &expansion.texts;
+        if texts.len() > 1 {
+            expansion.tree = Some(root.clone());
+        }
+        let whole = sets::apply(&mut root, sets, texts.len(), findings);
+        if purpose != Purpose::Restart || texts.len() > 1 {
+            let replaced = &mut expansion.replaced;
+            variables::expand(&mut root, texts, machine.variables(), replaced, registry, files, findings);
         }
         let mut document = document::read(&root, findings)?;
         document.seed = whole.seed.unwrap_or(document.seed);

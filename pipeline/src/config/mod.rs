@@ -10,7 +10,7 @@
 //! assert!(faults.to_string().contains("head.yaml:1:13: `2` is not a version that this build reads"));
 //! ```
 //!
-//! Text to tree: `config` of the crate `stillpoint_operator`; `sets`: `--set operator.param=value`, applied to the tree; `paths`, `variables`: variables of the environment in paths
+//! Text to tree: `config` of the crate `stillpoint_operator`; `includes`: what other files hold; `sets`: `--set operator.param=value`, applied to the tree; `paths`, `variables`: variables of the environment in paths
 //!
 //! Tree to parsed pipeline:
 //! - `fields`: values that several sections have; `document`: the file; `operators`, `inputs`, `frames`, `processes`, `host_section`, `ros2_section`, `record`: its sections
@@ -34,6 +34,7 @@ mod frames;
 mod host_section;
 mod hosts;
 mod identity;
+mod includes;
 mod inputs;
 mod links;
 mod machine;

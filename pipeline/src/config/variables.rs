@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::faults::{Code, Complaint, Findings};
+use super::includes::{FileText, based};
 use super::near::{nearest, shown};
 use super::paths;
 use super::source::Span;
@@ -28,21 +29,31 @@ pub struct Replaced {
     pub used: BTreeMap<String, String>,
 }
 
-/// Replaces the variables in the paths of a pipeline. A variable in another place is a fault.
+/// Replaces the variables in the paths of a pipeline, and lets those of included files start at the folder of the pipeline
+/// file. A variable in another place is a fault.
 pub fn expand(
     root: &mut Node,
+    texts: &[FileText],
     variables: &BTreeMap<String, String>,
+    replaced: &mut Replaced,
     registry: &Registry,
     files: &dyn Files,
     findings: &Findings,
-) -> Replaced {
-    let mut replaced = Replaced::default();
-    let is_whole =
-        paths::each(root, registry, files, &mut |node| path(node, variables, &mut replaced, findings));
+) {
+    let is_whole = paths::each(root, registry, files, &mut |node| {
+        path(node, variables, replaced, findings);
+        let folder = texts.get(node.span.source).map_or("", FileText::folder);
+        if let Value::Text(text) = &mut node.value
+            && !folder.is_empty()
+            && !text.starts_with('/')
+        {
+            *text = based(folder, text);
+            replaced.paths.insert(node.span, text.clone());
+        }
+    });
     if is_whole {
         elsewhere(root, findings);
     }
-    replaced
 }
 
 /// Replaces the variables in one path.

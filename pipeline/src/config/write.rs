@@ -1,5 +1,75 @@
 //! From the marked tree back to YAML.
 
+use super::tree::{Entry, Node, Value};
+
+/// A comment behind a value, from the value and the mapping or list that it is in.
+pub type Note<'a> = &'a dyn Fn(&Node, &Node) -> Option<String>;
+
+/// The text of a mapping.
+pub fn tree(root: &Node, note: Note<'_>) -> String {
+    let mut out = String::new();
+    block(root, 0, note, &mut out);
+    out
+}
+
+/// The entries of a mapping or the items of a list, each on lines of its own.
+fn block(node: &Node, indent: usize, note: Note<'_>, out: &mut String) {
+    let comment = |value: &Node| {
+        note(value, node).map_or_else(String::new, |text| format!("  # {}", text.replace(['\n', '\r'], " ")))
+    };
+    let lead = " ".repeat(indent);
+    match &node.value {
+        Value::Map(entries) => {
+            for Entry { key, value } in entries {
+                let (key, comment) = (scalar(&key.value), comment(value));
+                match flow(value) {
+                    Some(text) if text.is_empty() => out.push_str(&format!("{lead}{key}:{comment}\n")),
+                    Some(text) => out.push_str(&format!("{lead}{key}: {text}{comment}\n")),
+                    None => {
+                        out.push_str(&format!("{lead}{key}:{comment}\n"));
+                        block(value, indent + 2, note, out);
+                    }
+                }
+            }
+        }
+        Value::List(items) => {
+            for item in items {
+                let comment = comment(item);
+                match flow(item) {
+                    Some(text) => out.push_str(&format!("{lead}- {text}{comment}\n")),
+                    None => {
+                        let from = out.len();
+                        block(item, indent + 2, note, out);
+                        out.replace_range(from + indent..from + indent + 1, "-");
+                    }
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+/// A value in one line; none where it needs lines of its own.
+fn flow(node: &Node) -> Option<String> {
+    match &node.value {
+        Value::Nothing | Value::Refused => Some(String::new()),
+        Value::Switch(on) => Some(on.to_string()),
+        Value::Text(text) => Some(scalar(text)),
+        Value::List(items) => {
+            let in_line = |item: &Node| match item.value {
+                Value::Map(_) | Value::Nothing => None,
+                _ => flow(item),
+            };
+            items
+                .iter()
+                .map(in_line)
+                .collect::<Option<Vec<_>>>()
+                .map(|items| format!("[{}]", items.join(", ")))
+        }
+        Value::Map(entries) => entries.is_empty().then(|| "{}".to_owned()),
+    }
+}
+
 /// A text as YAML reads it: as it is where that is safe in every place, else in quotes.
 pub fn scalar(text: &str) -> String {
     let is_safe = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '/' | '+' | '-');

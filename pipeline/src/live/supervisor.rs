@@ -113,6 +113,7 @@ impl Supervisor {
             file: options.file.clone(),
             sets: options.sets.clone(),
             variables: options.variables.clone(),
+            included: options.included.clone(),
             files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
         let clock = SessionClock::start();

@@ -8,6 +8,7 @@ mod disk;
 mod garbage;
 mod good;
 mod hosts;
+mod includes;
 mod kinds;
 mod machine;
 mod others;

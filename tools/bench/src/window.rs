@@ -70,6 +70,7 @@ impl Window<'_> {
             file,
             sets: Vec::new(),
             variables: Default::default(),
+            included: Default::default(),
             files,
             duration: Some(self.length.as_nanos() as u64),
             session: self.session.map(|(path, _)| PathBuf::from(path)),

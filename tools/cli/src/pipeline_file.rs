@@ -41,12 +41,14 @@ pub struct PipelineFile {
 
 /// A pipeline that was read.
 pub struct Source {
-    /// Its text. Of a checked pipeline: with the values of the variables that its paths name.
+    /// Its text. Of a checked pipeline: with what it includes, and the values of the variables that its paths name.
     pub text: String,
     /// The arguments of `--set`, likewise.
     pub sets: Vec<String>,
     /// The variables of the environment that paths name, with their values, once the pipeline was checked.
     pub variables: BTreeMap<String, String>,
+    /// The files that it includes, with their SHA-256, once the pipeline was checked.
+    pub included: BTreeMap<String, String>,
     /// Name of its file: absolute, so that every process finds it.
     pub file: PathBuf,
     /// The files beside it.
@@ -138,7 +140,14 @@ impl PipelineFile {
     }
 
     fn source(&self, text: String, file: PathBuf, files: DiskFiles) -> Source {
-        Source { text, sets: self.sets.clone(), variables: BTreeMap::new(), file, files }
+        Source {
+            text,
+            sets: self.sets.clone(),
+            variables: BTreeMap::new(),
+            included: BTreeMap::new(),
+            file,
+            files,
+        }
     }
 
     /// Reads and checks. Faults name the file as the user did.
@@ -146,9 +155,9 @@ impl PipelineFile {
         let source = self.read()?;
         let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
         let name = shown.display().to_string();
-        let Composed { graph, text, sets, variables } =
+        let Composed { graph, text, sets, variables, included } =
             config::compose_for(machine, &source.text, &name, &source.sets, registry, &source.files)
                 .map_err(Refused::Faults)?;
-        Ok(Checked { source: Source { text, sets, variables, ..source }, graph: Arc::new(graph) })
+        Ok(Checked { source: Source { text, sets, variables, included, ..source }, graph: Arc::new(graph) })
     }
 }

@@ -176,8 +176,8 @@ impl Rerun {
     ) -> Result<Computed, RerunError> {
         let before = recorded_pipeline(session, registry)?;
         let after = self.changed(&before, registry)?;
-        let SessionPipeline { graph, files, text, sets, variables } = before;
-        let before = Checked { graph, files: Arc::new(files), text, sets, variables };
+        let SessionPipeline { graph, files, text, sets, variables, included } = before;
+        let before = Checked { graph, files: Arc::new(files), text, sets, variables, included };
         let folder = Folder::new(self.record.as_deref());
         let options = Options {
             rerun: self.rerun.clone(),
@@ -210,18 +210,18 @@ impl Rerun {
                 let sets = [before.sets.clone(), self.sets.clone()].concat();
                 let (text, files) = (before.text.clone(), before.files.clone());
                 let graph = config::check(&text, PIPELINE, &sets, registry, &files).map_err(faults)?;
-                let variables = before.variables.clone();
-                Ok(Checked { graph, text, sets, variables, files: Arc::new(files) })
+                let (variables, included) = (before.variables.clone(), before.included.clone());
+                Ok(Checked { graph, text, sets, variables, included, files: Arc::new(files) })
             }
             Some(file) => {
                 let given = PipelineFile { file: Some(file.clone()), ..PipelineFile::default() };
                 let source = given.read().map_err(RerunError::Refused)?;
                 let files = Layered { session: before.files.clone(), disk: source.files };
                 let name = file.display().to_string();
-                let Composed { graph, text, sets, variables } =
+                let Composed { graph, text, sets, variables, included } =
                     config::compose_to_rerun(&source.text, &name, &self.sets, registry, &files)
                         .map_err(faults)?;
-                Ok(Checked { graph, text, sets, variables, files: Arc::new(files) })
+                Ok(Checked { graph, text, sets, variables, included, files: Arc::new(files) })
             }
         }
     }

@@ -50,6 +50,7 @@ pub fn simulate(
         file: checked.source.file.display().to_string(),
         sets: checked.source.sets.clone(),
         variables: checked.source.variables.clone(),
+        included: checked.source.included.clone(),
         files: Snapshot::of(&checked.graph, &checked.source.files).map_err(Failure::failed)?,
     };
     let place = match place {

@@ -50,6 +50,7 @@ pub enum Code {
     Policy,
     Set,
     Variable,
+    Include,
 }
 
 impl Code {
@@ -94,6 +95,7 @@ impl Code {
         Code::Policy,
         Code::Set,
         Code::Variable,
+        Code::Include,
     ];
 
     /// The kind as it stands in JSON: `unknown-key`.

@@ -213,6 +213,7 @@ impl Run {
             file: checked.source.file.display().to_string(),
             sets: checked.source.sets.clone(),
             variables: checked.source.variables.clone(),
+            included: checked.source.included.clone(),
             files: checked.source.files.clone(),
             duration: length,
             session: session.map(Path::to_path_buf),

@@ -1,4 +1,4 @@
-//! Pipelines that are put together: variables in paths.
+//! Pipelines that are put together: variables in paths, included files.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -51,4 +51,68 @@ fn a_session_replays_without_the_variables_that_its_paths_named() {
             assert!(out.status.success(), "{replay:?}: {}{}", text(&out.stdout), text(&out.stderr));
         }
     }
+}
+
+/// A folder with `own.yaml`, which includes `parts/rest.yaml`: the default pipeline, with its key next to it.
+fn in_two_files() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let parts = folder.path().join("parts");
+    std::fs::create_dir(&parts).unwrap();
+    let rest = std::fs::read_to_string(root().join("pipeline.yaml"))
+        .unwrap()
+        .replace("examples/data/rig.key", "rig.key");
+    std::fs::write(parts.join("rest.yaml"), rest + "\nparameters: { rise: law.rise }\n").unwrap();
+    std::fs::copy(root().join("examples/data/rig.key"), parts.join("rig.key")).unwrap();
+    let own = "stillpoint: 1\nname: own\ninclude: { file: parts/rest.yaml, with: { rise: 4 s } }\n";
+    std::fs::write(folder.path().join("own.yaml"), own).unwrap();
+    folder
+}
+
+#[test]
+fn a_session_of_included_files_replays_and_runs_changed_without_them() {
+    let folder = in_two_files();
+    let mut sessions = Vec::new();
+    for arguments in [&["--clock", "simulated", "--for", "200ms"][..], &["--for", "500ms"]] {
+        let run = [&["run", "own.yaml", "--record", "s", "--json", "--set", "law.integral=2.5"], arguments]
+            .concat();
+        let out = stillpoint(folder.path(), &run);
+        assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+        let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+        sessions.push(report["session"].as_str().unwrap().to_owned());
+    }
+    std::fs::remove_dir_all(folder.path().join("parts")).unwrap();
+    std::fs::remove_file(folder.path().join("own.yaml")).unwrap();
+    for session in &sessions {
+        let info = text(&stillpoint(folder.path(), &["info", session]).stdout);
+        assert!(info.contains("the pipeline included parts/rest.yaml"), "{info}");
+        for replay in [&["replay", session][..], &["replay", session, "--set", "law.rise=5 s"]] {
+            let out = stillpoint(folder.path(), replay);
+            assert!(out.status.success(), "{replay:?}: {}{}", text(&out.stdout), text(&out.stderr));
+        }
+    }
+    // A rise of 4 s was given by `with`: to set it changes nothing.
+    let out = stillpoint(folder.path(), &["replay", &sessions[0], "--set", "law.rise=4 s", "--json"]);
+    let same: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(same["changes"], serde_json::json!([]), "{same}");
+}
+
+#[test]
+fn a_fault_of_an_included_file_is_in_that_file() {
+    let folder = in_two_files();
+    let rest = folder.path().join("parts/rest.yaml");
+    let broken = std::fs::read_to_string(&rest)
+        .unwrap()
+        .replace("rise: 5 s", "rise: 5 mm")
+        .replace("law.rise", "law.integral");
+    std::fs::write(&rest, broken).unwrap();
+    let out = stillpoint(folder.path(), &["check", "own.yaml", "--json"]);
+    assert_eq!(out.status.code(), Some(2));
+    let faults: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let faults: Vec<_> = faults["faults"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| (f["file"].as_str().unwrap(), f["line"].as_u64().unwrap()))
+        .collect();
+    assert_eq!(faults, [("own.yaml", 3), ("parts/rest.yaml", 75)]);
 }
