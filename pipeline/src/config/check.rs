@@ -70,6 +70,8 @@ pub(super) struct Expansion {
     pub texts: Vec<FileText>,
     /// The tree of all files, before any argument; none of a file that includes no other.
     pub tree: Option<Node>,
+    /// The tree of all files with all arguments; none of a pipeline that has run already.
+    pub whole: Option<Node>,
     /// What was replaced in paths.
     pub replaced: Replaced,
 }
@@ -144,6 +146,7 @@ impl Request<'_> {
         if purpose != Purpose::Restart || texts.len() > 1 {
             let replaced = &mut expansion.replaced;
             variables::expand(&mut root, texts, machine.variables(), replaced, registry, files, findings);
+            expansion.whole = Some(root.clone());
         }
         let mut document = document::read(&root, findings)?;
         document.seed = whole.seed.unwrap_or(document.seed);

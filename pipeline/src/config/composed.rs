@@ -60,7 +60,7 @@ pub fn compose_to_rerun(
 
 fn composed(request: &Request<'_>) -> Result<Composed, Faults> {
     let Request { text, file_name, sets, registry, files, .. } = *request;
-    let (graph, Expansion { texts, tree, replaced }) = request.checked()?;
+    let (graph, Expansion { texts, tree, replaced, .. }) = request.checked()?;
     let hash = |file: &FileText| (file.path.clone(), hex(&Sha256::digest(&file.source.text)));
     let included = texts[1..].iter().map(hash).collect();
     let variables = replaced.used.clone();

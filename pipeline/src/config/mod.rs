@@ -20,7 +20,7 @@
 //!   each port; `hosts`: what crosses from one host to another; `ros2`: what goes to ROS 2 and comes from it; `confirm`: references that nobody looks at; `identity`: heads that nobody tells from other things; `script_settings`: parameters that a script changes; `contracts`: bounds of time; `order`: upstream before downstream, cycles; `assemble`: the graph; `start`: what the start of an operator refuses
 //!
 //! What is said about it, and kept of it:
-//! - `composed`, `write`: the pipeline as one text that needs nothing else
+//! - `composed`, `write`: the pipeline as one text that needs nothing else; `resolved`: all of its values, each with where it came from
 //! - `schema`, `reference`: JSON Schema for editors, the reference page
 
 mod assemble;
@@ -45,6 +45,7 @@ mod port_frames;
 mod processes;
 mod record;
 pub mod reference;
+mod resolved;
 mod ros2;
 mod ros2_section;
 pub mod schema;
@@ -59,5 +60,6 @@ mod write;
 pub use check::{check, check_for};
 pub use composed::{Composed, compose_for, compose_to_rerun};
 pub use machine::Machine;
+pub use resolved::{Resolved, resolve_for};
 pub use stillpoint_operator::config::faults::{self, Code, Fault, Faults};
 pub use stillpoint_operator::config::{near, quantity, source, text, tree, units, yaml};

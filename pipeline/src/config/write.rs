@@ -74,7 +74,10 @@ fn flow(node: &Node) -> Option<String> {
 pub fn scalar(text: &str) -> String {
     let is_safe = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '/' | '+' | '-');
     let is_read_otherwise = matches!(text, "true" | "false" | "null" | "Null" | "NULL" | "~");
-    let starts = text.starts_with(|c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/'));
+    let unsigned =
+        text.strip_prefix(['-', '+']).filter(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+    let starts =
+        unsigned.is_some() || text.starts_with(|c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/'));
     let is_number_with_unit = text.split(' ').all(|part| !part.is_empty() && part.chars().all(is_safe));
     if starts && is_number_with_unit && !is_read_otherwise {
         return text.to_owned();

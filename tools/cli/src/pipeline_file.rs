@@ -11,7 +11,7 @@ use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::config::yaml::MOST_BYTES;
-use stillpoint_pipeline::config::{self, Code, Composed, Faults, Machine};
+use stillpoint_pipeline::config::{self, Code, Composed, Faults, Machine, Resolved};
 use stillpoint_pipeline::graph::Graph;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -150,11 +150,21 @@ impl PipelineFile {
         }
     }
 
+    /// The name of the file, as the user gave it.
+    fn shown(&self) -> String {
+        self.file.as_deref().unwrap_or(Path::new("pipeline.yaml")).display().to_string()
+    }
+
+    /// Reads and checks, and gives all values.
+    pub fn resolve(&self, registry: &Registry, machine: &Machine) -> Result<Resolved, Refused> {
+        let Source { text, sets, files, .. } = self.read()?;
+        config::resolve_for(machine, &text, &self.shown(), &sets, registry, &files).map_err(Refused::Faults)
+    }
+
     /// Reads and checks. Faults name the file as the user did.
     pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Refused> {
         let source = self.read()?;
-        let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
-        let name = shown.display().to_string();
+        let name = self.shown();
         let Composed { graph, text, sets, variables, included } =
             config::compose_for(machine, &source.text, &name, &source.sets, registry, &source.files)
                 .map_err(Refused::Faults)?;

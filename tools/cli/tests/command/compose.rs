@@ -1,9 +1,12 @@
-//! Pipelines that are put together: variables in paths, included files.
+//! Pipelines that are put together: variables in paths, included files, and all values.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use stillpoint_operator::files::DiskFiles;
+use stillpoint_pipeline::config::{Machine, compose_for};
+use stillpoint_pipeline::graph::{Graph, OperatorNode};
 
 use crate::{root, stillpoint, text};
 
@@ -115,4 +118,77 @@ fn a_fault_of_an_included_file_is_in_that_file() {
         .map(|f| (f["file"].as_str().unwrap(), f["line"].as_u64().unwrap()))
         .collect();
     assert_eq!(faults, [("own.yaml", 3), ("parts/rest.yaml", 75)]);
+}
+
+/// Compares two pipelines in all that a run takes from them.
+fn is_same(a: &Graph, b: &Graph, name: &str) {
+    assert_eq!((&a.name, a.seed, &a.frames), (&b.name, b.seed, &b.frames), "{name}");
+    assert_eq!(
+        (&a.record, &a.contracts, &a.hosts, &a.ros2),
+        (&b.record, &b.contracts, &b.hosts, &b.ros2),
+        "{name}"
+    );
+    assert_eq!((&a.pools, a.operators.len()), (&b.pools, b.operators.len()), "{name}");
+    assert_eq!(format!("{:?}", a.processes), format!("{:?}", b.processes), "{name}");
+    for (a, b) in a.operators.iter().zip(&b.operators) {
+        assert_eq!((&a.name, a.stage.kind.name), (&b.name, b.stage.kind.name), "{name}");
+        assert_eq!(a.params.resolved, b.params.resolved, "{name}: {}", a.name);
+        let times = |o: &OperatorNode| (o.every, o.latency, o.deadline, o.start_within, o.process, o.far_end);
+        assert_eq!(times(a), times(b), "{name}: {}", a.name);
+        assert_eq!(
+            format!("{:?}{:?}", a.inputs, a.outputs),
+            format!("{:?}{:?}", b.inputs, b.outputs),
+            "{name}: {}",
+            a.name
+        );
+        assert_eq!(a.files, b.files, "{name}: {}", a.name);
+    }
+}
+
+#[test]
+fn all_values_of_every_example_are_the_same_pipeline() {
+    let mut files: Vec<_> =
+        std::fs::read_dir(root().join("examples")).unwrap().map(|e| e.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "yaml"));
+    files.push(root().join("pipeline.yaml"));
+    let registry = stillpoint::registry(&[]);
+    let folder = in_two_files();
+    files.push(folder.path().join("own.yaml"));
+    assert!(files.len() > 10, "{}", files.len());
+    for file in files {
+        let name = file.display().to_string();
+        let out = stillpoint(
+            file.parent().unwrap(),
+            &["check", file.file_name().unwrap().to_str().unwrap(), "--resolved"],
+        );
+        assert!(out.status.success(), "{name}: {}", text(&out.stderr));
+        let disk = DiskFiles::next_to(&file);
+        let graph = |pipeline: &str| {
+            let composed = compose_for(&Machine::any(), pipeline, &name, &[], &registry, &disk);
+            composed.unwrap_or_else(|faults| panic!("{faults}")).graph
+        };
+        let all = text(&out.stdout);
+        is_same(&graph(&std::fs::read_to_string(&file).unwrap()), &graph(&all), &name);
+        assert!(all.contains("  # default\n") && all.contains(".yaml:"), "{all}");
+    }
+}
+
+#[test]
+fn values_say_where_they_came_from() {
+    let folder = in_two_files();
+    let check = ["check", "own.yaml", "--resolved", "--json", "--set", "law.integral=2.5"];
+    let out = stillpoint(folder.path(), &check);
+    let all: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let of = |param: &str| {
+        let path = serde_json::json!(["operators", "law", "params", param]);
+        let found = all["values"].as_array().unwrap().iter().find(|value| value["path"] == path);
+        found.map(|value| (value["value"].clone(), value["from"].clone(), value["file"].clone())).unwrap()
+    };
+    assert_eq!(of("rise"), ("4 s".into(), "file".into(), "own.yaml".into()));
+    assert_eq!(of("proportional"), ("2.37 1/s".into(), "file".into(), "parts/rest.yaml".into()));
+    assert_eq!(of("integral"), ("2.5".into(), "argument".into(), Value::Null));
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("broken.yaml"), "stillpoint: 1\n").unwrap();
+    let out = stillpoint(folder.path(), &["check", "broken.yaml", "--resolved"]);
+    assert_eq!((out.status.code(), text(&out.stdout).as_str()), (Some(2), ""));
 }
