@@ -1,10 +1,11 @@
-//! The values of a pipeline that are paths: parameters that name files, sources of operators in Python, certificates of hosts.
+//! The values of a pipeline that are paths: parameters that name files, sources of operators in Python, programs of operators, certificates of hosts.
 
 use super::host_section::TLS_KEYS;
 use super::tree::{Entry, Node, Value};
 use super::wiring::IN_PYTHON;
 use crate::operator::{Files, Registry};
 use crate::params::{Names, ParamField, ParamType};
+use crate::programs::name_of;
 
 /// Calls `visit` for each value that is a path, in the order of the file. A kind is looked up after its own path was
 /// visited. Returns whether all kinds are known: of another, nobody knows which parameters are paths.
@@ -20,8 +21,19 @@ pub fn each(
         if matches!(&kind.value, Value::Text(text) if text.contains(IN_PYTHON)) {
             visit(kind);
         }
-        let Value::Text(name) = &kind.value else { continue };
-        let Some(Ok(stage)) = registry.find(name, files) else {
+        if let Some(program) = entry(kind, "program") {
+            visit(program);
+        }
+        let name = match (&kind.value, kind.get("program"), kind.get("kind")) {
+            (Value::Text(name), ..) => name.clone(),
+            (
+                _,
+                Some(Node { value: Value::Text(program), .. }),
+                Some(Node { value: Value::Text(kind), .. }),
+            ) => name_of(program, kind),
+            _ => continue,
+        };
+        let Some(Ok(stage)) = registry.find(&name, files) else {
             is_whole = false;
             continue;
         };

@@ -24,7 +24,10 @@ pub fn schema(registry: &Registry) -> Value {
         registry.iter().map(|s| json!({ "const": s.kind.name, "description": s.kind.about })).collect();
     let by_kind: Vec<Value> = registry.iter().map(when_kind).collect();
     let mut operator = closed(operators::KEYS, &["use"], |key| match key {
-        "use" => json!({ "description": "Kind of the operator.", "oneOf": kinds }),
+        "use" => json!({
+            "description": "Kind of the operator.",
+            "oneOf": kinds.iter().cloned().chain([in_program(), in_python()]).collect::<Vec<_>>(),
+        }),
         "params" => json!({ "type": "object", "description": "Its parameters." }),
         "inputs" => json!({ "type": "object", "description": "Where its samples come from." }),
         "every" => quantity("ns", "Period of its timer."),
@@ -93,6 +96,23 @@ fn quantity(unit: &str, about: &str) -> Value {
         "pattern": format!(r"^\s*{NUMBER}\s*({})\s*$", alternatives.join("|")),
         "description": format!("{about} Write {name} in {}.", or(&units)).trim(),
     })
+}
+
+/// A kind that a program has.
+fn in_program() -> Value {
+    let mut program = closed(operators::PROGRAM_KEYS, operators::PROGRAM_KEYS, |key| match key {
+        "program" => {
+            json!({ "type": "string", "description": "Path of the program, from the folder of this file." })
+        }
+        _ => json!({ "type": "string", "description": "Name of the kind in the program." }),
+    });
+    set(&mut program, "description", json!("A kind that a program of its own has."));
+    program
+}
+
+/// A kind that is a class in Python.
+fn in_python() -> Value {
+    json!({ "type": "string", "pattern": r"\.py:\w+$", "description": "A class in Python, `ops/speed.py:Speed`." })
 }
 
 fn include() -> Value {
