@@ -79,15 +79,17 @@ fn composed(request: &Request<'_>) -> Result<Composed, Faults> {
     Ok(Composed { graph, text: whole, sets, variables, included })
 }
 
-/// The text of a pipeline that includes others. Comments name the files that parts came from.
+/// The text of a pipeline that includes others. Comments name the files that parts came from, by their paths from the folder
+/// of the pipeline file, so that all hosts of a pipeline have the same text.
 fn joined(mut tree: Node, texts: &[FileText], replaced: &Replaced) -> Result<String, Faults> {
     replace(&mut tree, &replaced.paths);
     let note = |node: &Node, parent: &Node| {
-        let from = &texts.get(node.span.source)?.source.name;
+        let from = &texts.get(node.span.source)?.path;
         (node.span.source != parent.span.source).then(|| format!("{from}:{}", node.span.line))
     };
-    let names: Vec<&str> = texts.iter().map(|file| file.source.name.as_str()).collect();
-    let text = format!("# Joined from {}.\n{}", names.join(", "), write::tree(&tree, &note));
+    let names: Vec<&str> = texts.iter().map(|file| file.path.as_str()).collect();
+    let names = names.join(", ").replace(['\n', '\r'], " ");
+    let text = format!("# Joined from {names}.\n{}", write::tree(&tree, &note));
     if text.len() <= MOST_BYTES {
         return Ok(text);
     }

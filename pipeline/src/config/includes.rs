@@ -122,9 +122,7 @@ impl Includes<'_> {
             }
             _ => (item.clone(), None),
         };
-        if file.scalar("`include`", EXPECTED, self.findings).is_none() {
-            return None;
-        }
+        file.scalar("`include`", EXPECTED, self.findings)?;
         variables::path(&mut file, self.variables, self.replaced, self.findings);
         let Value::Text(path) = &file.value else { return None };
         let includer = chain.last().copied().unwrap_or(0);
@@ -145,9 +143,7 @@ impl Includes<'_> {
             }
             return None;
         };
-        if root.map("the file", "a mapping with the keys of a pipeline", self.findings).is_none() {
-            return None;
-        }
+        root.map("the file", "a mapping with the keys of a pipeline", self.findings)?;
         let version = root.get("stillpoint").cloned();
         document::version(version.as_ref(), "an included file", root.span.first(1), self.findings);
         chain.push(number);

@@ -124,13 +124,11 @@ fn the_text_that_a_session_keeps_needs_no_other_file_and_is_the_same_pipeline() 
     }
     let text = good(OWN, &[]).text;
     assert!(
-        text.starts_with(
-            "# Joined from conf/own.yaml, conf/parts/tracking.yaml, conf/console.yaml.\nstillpoint: 1\n"
-        ),
+        text.starts_with("# Joined from own.yaml, parts/tracking.yaml, console.yaml.\nstillpoint: 1\n"),
         "{text}"
     );
-    assert!(text.contains("\n  face:  # conf/parts/tracking.yaml:10\n"), "{text}");
-    assert!(text.contains("\n      leaf: 5 mm  # conf/own.yaml:5\n"), "{text}");
+    assert!(text.contains("\n  face:  # parts/tracking.yaml:10\n"), "{text}");
+    assert!(text.contains("\n      leaf: 5 mm  # own.yaml:5\n"), "{text}");
 }
 
 #[test]
