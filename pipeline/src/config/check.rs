@@ -126,14 +126,8 @@ impl Request<'_> {
             }
             return None;
         };
-        let mut includes = Includes {
-            texts: &mut expansion.texts,
-            files,
-            variables: machine.variables(),
-            replaced: &mut expansion.replaced,
-            findings,
-            is_whole: true,
-        };
+        let (texts, replaced) = (&mut expansion.texts, &mut expansion.replaced);
+        let mut includes = Includes::new(texts, files, machine.variables(), replaced, findings);
         includes.expand(&mut root);
         if !includes.is_whole {
             return None;

@@ -65,20 +65,33 @@ type Parameters = BTreeMap<String, Vec<(String, Span)>>;
 /// Reads included files.
 pub struct Includes<'a> {
     /// The files of the pipeline, the first of which is the pipeline file.
-    pub texts: &'a mut Vec<FileText>,
+    texts: &'a mut Vec<FileText>,
     /// Where files are read.
-    pub files: &'a dyn Files,
+    files: &'a dyn Files,
     /// Variables of the environment.
-    pub variables: &'a BTreeMap<String, String>,
+    variables: &'a BTreeMap<String, String>,
     /// The variables that were used.
-    pub replaced: &'a mut Replaced,
+    replaced: &'a mut Replaced,
     /// The faults.
-    pub findings: &'a Findings,
+    findings: &'a Findings,
     /// Whether every file could be read: else names are missing that are no fault.
     pub is_whole: bool,
+    /// Nodes of values that `with` gave.
+    given: usize,
 }
 
-impl Includes<'_> {
+impl<'a> Includes<'a> {
+    /// For a pipeline file, which is the first of `texts`.
+    pub fn new(
+        texts: &'a mut Vec<FileText>,
+        files: &'a dyn Files,
+        variables: &'a BTreeMap<String, String>,
+        replaced: &'a mut Replaced,
+        findings: &'a Findings,
+    ) -> Self {
+        Self { texts, files, variables, replaced, findings, is_whole: true, given: 0 }
+    }
+
     /// Puts what files hold into the place of `include` in the tree of a pipeline file.
     pub fn expand(&mut self, root: &mut Node) {
         self.file(root, &mut vec![0]);
@@ -269,7 +282,7 @@ impl Includes<'_> {
     }
 
     /// Puts the values of `with` at the places of the parameters of a file.
-    fn give(&self, with: &Node, parameters: &Parameters, number: usize, root: &mut Node) {
+    fn give(&mut self, with: &Node, parameters: &Parameters, number: usize, root: &mut Node) {
         let expected = "a mapping from parameters of the included file to values";
         for entry in with.map("`with`", expected, self.findings).unwrap_or_default() {
             let Some(places) = parameters.get(&entry.key.value) else {
@@ -293,6 +306,17 @@ impl Includes<'_> {
             if matches!(entry.value.value, Value::Nothing) {
                 entry.value.refuse(&shown(&entry.key.value), TEXT, self.findings);
                 continue;
+            }
+            // A value for many places must not become more than a pipeline may be.
+            self.given += entry.value.count() * places.len();
+            if self.given > MOST_BYTES {
+                self.findings.say(
+                    entry.value.span,
+                    Code::TooLarge,
+                    "`with` gives more values than a pipeline may have",
+                    "give fewer, or for fewer places",
+                );
+                return;
             }
             for (place, span) in places {
                 sets::put(root, place, entry.value.clone(), *span, self.findings);

@@ -6,7 +6,7 @@ use stillpoint_pipeline::graph::{Graph, Record};
 
 use crate::kinds::registry;
 
-const OWN: &str = "\
+pub const OWN: &str = "\
 stillpoint: 1
 name: own
 seed: 9
@@ -20,7 +20,7 @@ contracts:
   - { path: rig.depth -> head.pose, within: 300 ms }
 ";
 
-const TRACKING: &str = "\
+pub const TRACKING: &str = "\
 stillpoint: 1
 seed: 3
 include: ../console.yaml
@@ -42,7 +42,7 @@ contracts:
 
 const CONSOLE: &str = "stillpoint: 1\noperators: { console: { use: console } }\n";
 
-fn files(own: &[(&str, &str)]) -> MemoryFiles {
+pub fn files(own: &[(&str, &str)]) -> MemoryFiles {
     let all = [
         ("parts/tracking.yaml", TRACKING),
         ("console.yaml", CONSOLE),
@@ -261,4 +261,13 @@ fn one_file_may_be_included_by_its_path_alone_and_a_whole_pipeline_may_be_varied
             .ok()
             .unwrap();
     assert_eq!(graph.seed, 4);
+}
+
+#[test]
+fn a_value_for_very_many_places_is_refused() {
+    let places: Vec<String> = (0..5000).map(|n| format!("face.leaf.x{n}")).collect();
+    let tracking = TRACKING.replace("leaf: face.leaf", &format!("leaf: [{}]", places.join(", ")));
+    let own = OWN.replace("leaf: 5 mm", &format!("leaf: [{}]", ["1"; 1000].join(", ")));
+    let text = faults(&own, &[("parts/tracking.yaml", &tracking)]);
+    assert!(text.contains("`with` gives more values than a pipeline may have"), "{text}");
 }

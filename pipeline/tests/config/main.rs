@@ -13,6 +13,7 @@ mod kinds;
 mod machine;
 mod others;
 mod params;
+mod programs;
 mod resolved;
 mod ros2;
 mod schema;
