@@ -18,7 +18,7 @@
 //! - `live`: processes, supervisor, recorder; `simulated`: simulated and lock-step runs; `replay`: the journal's schedule
 //! - `what_if`: a session with a changed pipeline
 //! - `clock`: session time; `ledger`: the account of every edge; `stdout`: standard output while operators run
-//! - `limits`: the limits of the system that a run may meet; `program`: the program of this process
+//! - `limits`: the limits of the system that a run may meet; `program`: the program of this process; `programs`: operators in programs of their own
 //!
 //! A session:
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
@@ -48,6 +48,7 @@ mod null_sink;
 pub mod placement;
 mod pool_client;
 pub mod program;
+pub mod programs;
 pub mod record;
 pub mod replay;
 mod restarts;

@@ -1,5 +1,7 @@
 //! What the graph of a run was checked from.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::config::{self, Faults};
@@ -19,6 +21,12 @@ pub struct RunSource {
     pub sets: Vec<String>,
     /// The files that params name, as they were when the run began.
     pub files: Snapshot,
+    /// Variables of the environment that stood in paths, with the values that `text` and `sets` have in their places.
+    #[serde(default)]
+    pub variables: BTreeMap<String, String>,
+    /// The files that the pipeline included, which `text` holds, with their SHA-256.
+    #[serde(default)]
+    pub included: BTreeMap<String, String>,
 }
 
 impl RunSource {

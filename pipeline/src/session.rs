@@ -31,6 +31,10 @@ pub const IDENTITY: &str = "stillpoint.identity";
 
 /// Metadata record with date and residual of each frame.
 pub const EXTRINSICS: &str = "stillpoint.extrinsics";
+/// Metadata record of the variables of the environment that paths of the pipeline named, with their values.
+pub const VARIABLES: &str = "stillpoint.variables";
+/// Metadata record with the SHA-256 of each file that the pipeline included, and that its text holds.
+pub const INCLUDED: &str = "stillpoint.included";
 /// Record of what operators leave out of their files, by operator.
 pub const REMARKS: &str = "stillpoint.remarks";
 
@@ -149,6 +153,11 @@ pub fn opening(
     let remarks: BTreeMap<String, String> = remarks.collect();
     if !remarks.is_empty() {
         metadata.insert(REMARKS.to_string(), remarks);
+    }
+    for (record, entries) in [(VARIABLES, &source.variables), (INCLUDED, &source.included)] {
+        if !entries.is_empty() {
+            metadata.insert(record.to_string(), entries.clone());
+        }
     }
     let frames = static_transforms(graph);
     // A simulated session knows no realtime: two equal runs give equal files.

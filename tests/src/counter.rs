@@ -26,6 +26,8 @@ pub enum Habit {
     Ulp,
     /// Says that it is there.
     Log,
+    /// Ends its process there.
+    Exit,
     /// Has no more after `at` activations.
     Finish,
 }
@@ -107,6 +109,7 @@ impl Counter {
                     std::thread::sleep(std::time::Duration::from_secs(1));
                 }
             }
+            Habit::Exit if now => std::process::exit(3),
             Habit::Log => {
                 if now {
                     tracing::warn!(index = activation.index, "the kit warns");

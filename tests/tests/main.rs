@@ -25,6 +25,7 @@
 //! - `settings`: parameters that people change while it runs
 //! - `view`: the page of a run and of its session, in a browser
 //! - `browser`: a browser without a window
+//! - `programs`: operators in programs of their own
 //! - `planted`: faults that are planted in loops, and what names them
 //! - `unheard`: runs whose words nobody hears
 //! - `refusals`: what `run` refuses
@@ -53,6 +54,7 @@ mod link;
 mod live;
 mod looking;
 mod planted;
+mod programs;
 mod recording;
 mod refusals;
 mod releases;

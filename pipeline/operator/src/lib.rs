@@ -12,6 +12,8 @@
 //! - `error`: why an operator cannot be made, and why a step failed
 //! - `config`: the text of a config, from which parameters are read
 //! - `pattern`: paths with a star
+//! - `bench`: one operator in a test
+//! - `program`: operators in a program of their own, which pipelines start
 //! - `ros2`: messages of ROS 2 for a source
 
 // Outsiders use it.
@@ -21,6 +23,7 @@
 extern crate self as stillpoint_operator;
 
 pub mod activation;
+pub mod bench;
 pub mod config;
 mod error;
 mod feeder;
@@ -32,6 +35,7 @@ pub mod outputs;
 pub mod outside;
 pub mod params;
 pub mod pattern;
+pub mod program;
 pub mod ros2;
 mod setup;
 mod stage;
@@ -47,4 +51,6 @@ pub use outputs::Outputs;
 pub use params::{Choice, Params};
 pub use setup::Setup;
 pub use stage::{Build, Describe, Registry, SET, SETTINGS, Stage};
+/// The samples that operators take and send.
+pub use stillpoint_samples as samples;
 pub use wire_form::WireForm;

@@ -188,8 +188,8 @@ pub(crate) fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T
 #[derive(Clone, Default)]
 pub struct Registry {
     stages: BTreeMap<&'static str, Stage>,
-    describe: Option<Describe>,
-    describe_recorded: Option<Describe>,
+    describe: Vec<Describe>,
+    describe_recorded: Vec<Describe>,
 }
 
 impl Registry {
@@ -199,17 +199,19 @@ impl Registry {
         Self { stages, ..Self::default() }
     }
 
-    /// The same registry, which describes kinds that are in no list; those of pipelines that sessions keep by `recorded`,
+    /// The same registry, which describes further kinds that are in no list; those of pipelines that sessions keep by `recorded`,
     /// because the source of such a kind is code of someone else.
     #[must_use]
-    pub fn describing(self, describe: Describe, recorded: Describe) -> Self {
-        Self { describe: Some(describe), describe_recorded: Some(recorded), ..self }
+    pub fn describing(mut self, describe: Describe, recorded: Describe) -> Self {
+        self.describe.push(describe);
+        self.describe_recorded.push(recorded);
+        self
     }
 
     /// The same registry for a pipeline that a session keeps.
     #[must_use]
     pub fn for_recorded(&self) -> Self {
-        Self { describe: self.describe_recorded, ..self.clone() }
+        Self { describe: self.describe_recorded.clone(), ..self.clone() }
     }
 
     /// The kind of this name, of a list or described from these files. `None`: there is none.
@@ -218,7 +220,7 @@ impl Registry {
     /// The files describe no kind.
     pub fn find(&self, name: &str, files: &dyn Files) -> Option<Result<Stage, DescribeError>> {
         let listed = self.stages.get(name).copied().map(Ok);
-        listed.or_else(|| self.describe.and_then(|describe| describe(name, files)))
+        listed.or_else(|| self.describe.iter().find_map(|describe| describe(name, files)))
     }
 
     /// The kind of this name.

@@ -19,6 +19,8 @@ pub const KEYS: &[&str] = &[
     "stillpoint",
     "name",
     "seed",
+    "include",
+    "parameters",
     "frames",
     "operators",
     "links",
@@ -65,7 +67,7 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
     let entries = root.map("the file", "a mapping with the keys of a pipeline", findings)?;
     let keys = Keys::of(entries, KEYS, "a pipeline", findings);
     let top = root.span.first(1);
-    version(&keys, top, findings);
+    version(keys.get("stillpoint").map(|e| &e.value), "a pipeline", top, findings);
     let name = name(&keys, top, findings);
     let seed = keys.get("seed").and_then(|e| seed(&e.value, findings)).unwrap_or(1);
     let frames = keys.get("frames").map(|e| frames::read(&e.value, findings)).unwrap_or_default();
@@ -90,16 +92,17 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
     Some(Document { name, seed, frames, operators, links, hosts, ros2, processes, record, contracts })
 }
 
-fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {
-    let Some(entry) = keys.get("stillpoint") else {
-        return missing("a pipeline", "stillpoint", "1", top, findings);
+/// Checks the version of the format.
+pub fn version(node: Option<&Node>, place: &str, top: Span, findings: &Findings) {
+    let Some(node) = node else {
+        return missing(place, "stillpoint", "1", top, findings);
     };
-    let Some(text) = entry.value.scalar("`stillpoint`", "the version of the format", findings) else {
+    let Some(text) = node.scalar("`stillpoint`", "the version of the format", findings) else {
         return;
     };
     if quantity::whole(text).ok() != Some(VERSION) {
         findings.say(
-            entry.value.span,
+            node.span,
             Code::WrongVersion,
             format!("{} is not a version that this build reads", shown(text)),
             format!("write `stillpoint: {VERSION}`"),

@@ -1,6 +1,7 @@
 //! What the checker knows of the machine that a pipeline is to run on.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
 
 use super::document::Document;
 use super::faults::{Code, Findings};
@@ -13,6 +14,8 @@ pub struct Machine {
     is_live: bool,
     /// The pipeline is to run on it, and is not a session's that is replayed.
     is_to_run: bool,
+    /// Variables of the environment, which paths of the file may name.
+    variables: BTreeMap<String, String>,
 }
 
 impl Machine {
@@ -21,7 +24,26 @@ impl Machine {
         let set = rustix::thread::sched_getaffinity(None);
         let all = 0..rustix::thread::CpuSet::MAX_CPU;
         let cores = set.map(|set| all.filter(|core| set.is_set(*core)).collect()).unwrap_or_default();
-        Self { cores, is_live: true, is_to_run: true }
+        Self { cores, is_live: true, is_to_run: true, ..Self::any() }
+    }
+
+    /// A machine of which only the variables of this process are known.
+    pub fn any() -> Self {
+        let text =
+            |(name, value): (OsString, OsString)| Some((name.into_string().ok()?, value.into_string().ok()?));
+        Self { variables: std::env::vars_os().filter_map(text).collect(), ..Self::default() }
+    }
+
+    /// The same with these variables of the environment alone.
+    #[must_use]
+    pub fn with_variables<'t>(self, variables: impl IntoIterator<Item = (&'t str, &'t str)>) -> Self {
+        let text = |(name, value): (&str, &str)| (name.to_owned(), value.to_owned());
+        Self { variables: variables.into_iter().map(text).collect(), ..self }
+    }
+
+    /// Variables of the environment by name.
+    pub(super) fn variables(&self) -> &BTreeMap<String, String> {
+        &self.variables
     }
 
     /// The same for a run in session time: there, a `latency` above the `deadline` models a step that comes too late.
@@ -32,7 +54,7 @@ impl Machine {
 
     /// A machine with these cores.
     pub fn with_cores(cores: impl IntoIterator<Item = usize>) -> Self {
-        Self { cores: cores.into_iter().collect(), is_live: true, is_to_run: true }
+        Self { cores: cores.into_iter().collect(), is_live: true, is_to_run: true, ..Self::default() }
     }
 
     /// Whether a pipeline is to run on it.

@@ -6,10 +6,14 @@ use super::inputs::{self, ParsedInput};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
 use crate::graph::Wire;
+use crate::programs::name_of;
 
 /// Keys of an operator.
 pub const KEYS: &[&str] =
     &["use", "params", "inputs", "every", "frame", "latency", "deadline", "start_within"];
+
+/// Keys of a kind that is in a program.
+pub const PROGRAM_KEYS: &[&str] = &["program", "kind"];
 
 /// An operator as it was written.
 pub struct ParsedOperator<'t> {
@@ -96,6 +100,24 @@ fn long_enough(every: Marked<u64>, findings: &Findings) -> Option<Marked<u64>> {
     None
 }
 
+/// The kind of an operator: its name, or a program with the name that the kind has there.
+fn kind(node: &Node, findings: &Findings) -> Option<Marked<String>> {
+    let Value::Map(entries) = &node.value else {
+        let text = node.scalar("`use`", "the kind of the operator", findings)?;
+        return Some(Marked::new(text.to_owned(), node.span));
+    };
+    let keys = Keys::of(entries, PROGRAM_KEYS, "`use`", findings);
+    let text = |key: &str, example: &str| match keys.get(key) {
+        Some(e) => e.value.scalar(&format!("`{key}`"), example, findings),
+        None => {
+            missing("`use`", key, example, node.span.first(1), findings);
+            None
+        }
+    };
+    let (program, kind) = (text("program", "./my_op"), text("kind", "my.smoother"));
+    Some(Marked::new(name_of(program?, kind?), node.span))
+}
+
 fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     let name = entry.key.clone();
     check_name(&name, "an operator", findings);
@@ -109,10 +131,7 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     let keys = Keys::of(entries, KEYS, place, findings);
     match keys.get("use") {
         Some(e) => {
-            parsed.kind = e
-                .value
-                .scalar("`use`", "the kind of the operator", findings)
-                .map(|t| Marked::new(t.to_owned(), e.value.span));
+            parsed.kind = kind(&e.value, findings);
         }
         None => missing(place, "use", "family.kind", parsed.name.span, findings),
     }

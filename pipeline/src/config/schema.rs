@@ -5,8 +5,8 @@ use serde_json::{Map, Value, json};
 use super::quantity::or;
 use super::units::find;
 use super::{
-    contracts as bounds, document, frames, host_section, inputs, links, operators, processes, record,
-    ros2_section,
+    contracts as bounds, document, frames, host_section, includes, inputs, links, operators, processes,
+    record, ros2_section,
 };
 use crate::hosts::MAIN;
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
@@ -24,7 +24,10 @@ pub fn schema(registry: &Registry) -> Value {
         registry.iter().map(|s| json!({ "const": s.kind.name, "description": s.kind.about })).collect();
     let by_kind: Vec<Value> = registry.iter().map(when_kind).collect();
     let mut operator = closed(operators::KEYS, &["use"], |key| match key {
-        "use" => json!({ "description": "Kind of the operator.", "oneOf": kinds }),
+        "use" => json!({
+            "description": "Kind of the operator.",
+            "oneOf": kinds.iter().cloned().chain([in_program(), in_python()]).collect::<Vec<_>>(),
+        }),
         "params" => json!({ "type": "object", "description": "Its parameters." }),
         "inputs" => json!({ "type": "object", "description": "Where its samples come from." }),
         "every" => quantity("ns", "Period of its timer."),
@@ -34,7 +37,7 @@ pub fn schema(registry: &Registry) -> Value {
         _ => quantity("ns", "Longest step, after which its process is ended."),
     });
     set(&mut operator, "allOf", Value::Array(by_kind));
-    let mut file = closed(document::KEYS, &["stillpoint", "name", "operators"], |key| match key {
+    let mut file = closed(document::KEYS, &["stillpoint"], |key| match key {
         "stillpoint" => json!({ "const": document::VERSION as i64, "description": "Version of the format." }),
         "name" => {
             json!({ "type": "string", "pattern": "^[a-z][a-z0-9_-]{0,39}$", "description": "Name of the pipeline." })
@@ -42,6 +45,8 @@ pub fn schema(registry: &Registry) -> Value {
         "seed" => {
             json!({ "type": "integer", "minimum": 0, "default": 1, "description": "Seed of all random numbers." })
         }
+        "include" => include(),
+        "parameters" => parameters(),
         "frames" => named("Frames by their names.", frame()),
         "operators" => named("Operators by their names.", json!({ "$ref": "#/$defs/operator" })),
         "links" => links(),
@@ -51,6 +56,10 @@ pub fn schema(registry: &Registry) -> Value {
         "contracts" => contracts(),
         _ => recorded(),
     });
+    // A file that others include has no name of its own.
+    let whole = [json!({ "required": ["name", "operators"] }), json!({ "required": ["name", "include"] })];
+    let part = json!({ "not": { "required": ["name"] } });
+    set(&mut file, "anyOf", whole.into_iter().chain([part]).collect());
     set(&mut file, "$schema", json!("https://json-schema.org/draft/2020-12/schema"));
     set(&mut file, "title", json!("stillpoint pipeline"));
     set(&mut file, "$defs", json!({ "operator": operator, "input": input() }));
@@ -87,6 +96,47 @@ fn quantity(unit: &str, about: &str) -> Value {
         "pattern": format!(r"^\s*{NUMBER}\s*({})\s*$", alternatives.join("|")),
         "description": format!("{about} Write {name} in {}.", or(&units)).trim(),
     })
+}
+
+/// A kind that a program has.
+fn in_program() -> Value {
+    let mut program = closed(operators::PROGRAM_KEYS, operators::PROGRAM_KEYS, |key| match key {
+        "program" => {
+            json!({ "type": "string", "description": "Path of the program, from the folder of this file." })
+        }
+        _ => json!({ "type": "string", "description": "Name of the kind in the program." }),
+    });
+    set(&mut program, "description", json!("A kind that a program of its own has."));
+    program
+}
+
+/// A kind that is a class in Python.
+fn in_python() -> Value {
+    json!({ "type": "string", "pattern": r"\.py:\w+$", "description": "A class in Python, `ops/speed.py:Speed`." })
+}
+
+fn include() -> Value {
+    let path =
+        json!({ "type": "string", "description": "Path of a pipeline file, from the folder of this one." });
+    let detailed = closed(includes::KEYS, &["file"], |key| match key {
+        "file" => path.clone(),
+        _ => {
+            json!({ "type": "object", "description": "Values for parameters of that file.", "propertyNames": { "pattern": NAME } })
+        }
+    });
+    let one = json!({ "oneOf": [path, detailed] });
+    let mut include = json!({ "oneOf": [path, detailed, { "type": "array", "items": one }] });
+    set(&mut include, "description", json!("Files whose sections stand before those of this one."));
+    include
+}
+
+fn parameters() -> Value {
+    let place =
+        json!({ "type": "string", "description": "Place of a value, as for `--set`: `operator.param`." });
+    named(
+        "Places that a file which includes this one may give values for, by name.",
+        json!({ "oneOf": [place, { "type": "array", "items": place }] }),
+    )
 }
 
 fn frame() -> Value {

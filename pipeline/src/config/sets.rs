@@ -22,11 +22,12 @@ pub struct Whole {
     pub host: Option<Marked<String>>,
 }
 
-/// Applies the arguments to the tree, in their order. Returns what they say of the whole.
-pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Whole {
+/// Applies the arguments to the tree, in their order; the first has the number `first` among the texts. Returns what they
+/// say of the whole.
+pub fn apply(root: &mut Node, sets: &[String], first: usize, findings: &Findings) -> Whole {
     let mut whole = Whole::default();
     for (number, text) in sets.iter().enumerate() {
-        let source = number + 1;
+        let source = first + number;
         let all = Span { source, start: 0, end: text.len(), line: 1, column: 1 };
         let Some((path, value)) = text.split_once('=') else {
             let message = format!("{} sets nothing: `=` is missing", shown(text));
@@ -63,7 +64,7 @@ pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Whole {
 }
 
 /// Puts a value at `operator.key` or `operator.param.field`.
-fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) {
+pub fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) {
     let steps = steps(path, all);
     let [operator, rest @ ..] = steps.as_slice() else { return };
     let is_named = steps.iter().all(|step| !step.value.is_empty());
@@ -123,12 +124,40 @@ fn steps(path: &str, all: Span) -> Vec<Marked<String>> {
     let mut start = 0;
     path.split('.')
         .map(|step| {
-            let column = 1 + path[..start].chars().count();
-            let span = Span { start, end: start + step.len(), column, ..all };
+            let column = all.column + path[..start].chars().count();
+            let from = all.start + start;
+            let span = Span { start: from, end: from + step.len(), column, ..all };
             start += step.len() + 1;
             Marked::new(step.to_owned(), span)
         })
         .collect()
+}
+
+/// Whether a path is that of a part of an operator or of a section; else adds the fault.
+pub fn is_place(root: &Node, path: &str, all: Span, findings: &Findings) -> bool {
+    let steps = steps(path, all);
+    let [first, rest @ ..] = steps.as_slice() else { return false };
+    let is_section = SECTIONS.contains(&first.value.as_str());
+    if has_operator(root, &first.value) || is_section {
+        let is_whole = steps.iter().all(|step| !step.value.is_empty()) && (is_section || !rest.is_empty());
+        if !is_whole {
+            let message = format!("{} names no place", shown(path));
+            findings.say(all, Code::Set, message, "write `operator.param`, as for `--set`");
+        }
+        return is_whole;
+    }
+    let operators = root.get("operators").map(|node| &node.value);
+    let names: Vec<&str> = match operators {
+        Some(Value::Map(entries)) => entries.iter().map(|e| e.key.value.as_str()).collect(),
+        _ => Vec::new(),
+    };
+    findings.say(
+        first.span,
+        Code::UnknownOperator,
+        format!("there is no operator {}", shown(&first.value)),
+        suggestion(&first.value, names.iter().copied(), "operators", findings),
+    );
+    false
 }
 
 fn has_operator(root: &Node, name: &str) -> bool {

@@ -15,7 +15,7 @@ use crate::graph::{Edge, Wire};
 use crate::operator::{DescribeError, Files, Registry, Stage, TIMING, Timer};
 
 /// What stands between the file and the class of an operator in Python: `ops/speed.py:Speed`.
-const IN_PYTHON: &str = ".py:";
+pub const IN_PYTHON: &str = ".py:";
 /// Topics that a help line names.
 const LISTED: usize = 4;
 

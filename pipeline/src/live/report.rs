@@ -20,6 +20,10 @@ pub struct RunOptions {
     pub file: String,
     /// `--set` overrides.
     pub sets: Vec<String>,
+    /// Variables of the environment that stood in paths, with their values in `source` and `sets`.
+    pub variables: BTreeMap<String, String>,
+    /// The files that it included, with their SHA-256.
+    pub included: BTreeMap<String, String>,
     /// Where the files are that its params name.
     pub files: DiskFiles,
     /// Length of the run, ns of session time; `None`: until it is stopped.

@@ -112,6 +112,8 @@ impl Supervisor {
             text: options.source.clone(),
             file: options.file.clone(),
             sets: options.sets.clone(),
+            variables: options.variables.clone(),
+            included: options.included.clone(),
             files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
         let clock = SessionClock::start();

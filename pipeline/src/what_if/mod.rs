@@ -50,6 +50,10 @@ pub struct Checked {
     pub text: String,
     /// Its arguments of `--set`.
     pub sets: Vec<String>,
+    /// Variables of the environment that its paths named, with their values.
+    pub variables: BTreeMap<String, String>,
+    /// The files that it included, with their SHA-256.
+    pub included: BTreeMap<String, String>,
     /// The files that its parameters name.
     pub files: Arc<dyn Files + Send + Sync>,
 }
@@ -133,6 +137,8 @@ pub fn what_if(
         text: after.text,
         file: session.metadata().get(RUN).and_then(|run| run.get("file")).cloned().unwrap_or_default(),
         sets: after.sets,
+        variables: after.variables,
+        included: after.included,
     };
     let opening = opening_of(session, &ran, &source, is_directed, &changes, &reach, &measured)?;
     let recorder = SessionRecorder::create(&options.folder, &ran, &opening, options.compression)?;

@@ -4,10 +4,11 @@ use cap::Cap;
 use proptest::prelude::*;
 use stillpoint_operator::config::faults::{Findings, MOST_FAULTS};
 use stillpoint_operator::config::yaml::{MOST_BYTES, parse};
-use stillpoint_pipeline::config::{Code, check, text};
+use stillpoint_pipeline::config::{Code, Machine, check, compose_for, text};
 
 use crate::disk::Disk;
 use crate::good::FILES;
+use crate::includes::{OWN, TRACKING, files as included_files};
 use crate::kinds::registry;
 
 /// A request for memory beyond it ends the program. The texts have at most 256 KiB, and the tests run side by side.
@@ -93,9 +94,14 @@ fn cut(text: &str, share: f64) -> usize {
 
 /// A good file with some places cut out or written over.
 fn mutated() -> impl Strategy<Value = String> {
+    edited(FILES.iter().map(|(_, text)| *text).collect())
+}
+
+/// One of these texts, likewise.
+fn edited(texts: Vec<&'static str>) -> impl Strategy<Value = String> {
     let edit = (0.0..1.0f64, 0..30usize, piece());
-    (0..FILES.len(), prop::collection::vec(edit, 1..5)).prop_map(|(file, edits)| {
-        let mut text = FILES[file].1.to_owned();
+    (0..texts.len(), prop::collection::vec(edit, 1..5)).prop_map(move |(file, edits)| {
+        let mut text = texts[file].to_owned();
         for (place, length, piece) in edits {
             let from = cut(&text, place);
             let mut to = (from + length).min(text.len());
@@ -120,6 +126,26 @@ proptest! {
         ]
     ) {
         holds(&text);
+    }
+
+    #[test]
+    fn broken_files_of_several_neither_panic_nor_grow(
+        own in edited(vec![OWN]),
+        tracking in edited(vec![TRACKING]),
+        is_own in any::<bool>(),
+    ) {
+        let (own, tracking) = if is_own { (&*own, TRACKING) } else { (OWN, &*tracking) };
+        let machine = Machine::default().with_variables([("PARTS", "parts")]);
+        let files = included_files(&[("parts/tracking.yaml", tracking)]);
+        match compose_for(&machine, own, "conf/own.yaml", &[], &registry(), &files) {
+            // What a session keeps is a pipeline again.
+            Ok(composed) => prop_assert!(check(&composed.text, "any.yaml", &[], &registry(), &files).is_ok()),
+            Err(faults) => {
+                prop_assert!(!faults.list().is_empty() && faults.list().len() <= MOST_FAULTS);
+                prop_assert!(faults.list().iter().all(|f| f.message.len() + f.help.len() < 2000));
+                prop_assert!(faults.to_string().len() < MOST_FAULTS * 4000);
+            }
+        }
     }
 
     #[test]

@@ -64,6 +64,7 @@ fn misfits(root: &Json, schema: &Json, value: &Json, at: &str) -> Vec<String> {
             "enum" => rules().any(|v| v == value),
             "oneOf" => rules().filter(|s| fits(s)).count() == 1,
             "anyOf" => rules().any(fits),
+            "not" => !fits(rule),
             "allOf" => {
                 out.extend(rules().flat_map(|s| misfits(root, s, value, at)));
                 true
@@ -195,6 +196,7 @@ const BEYOND_THE_SCHEMA: &[(&str, &str)] = &[
     ("hosts_none_connects", "which host reaches which"),
     ("hosts_nothing", "one of several keys is needed"),
     ("link_without_address", "the section `hosts` decides whether a link needs an address"),
+    ("name_missing", "a file that others include has no name"),
     ("operators_empty", "an empty mapping is a mapping"),
     ("process_reserved", "names that a run gives to its own processes"),
     ("ros2_missing", "an operator needs another section"),

@@ -69,6 +69,8 @@ impl Window<'_> {
             source: self.pipeline.to_string(),
             file,
             sets: Vec::new(),
+            variables: Default::default(),
+            included: Default::default(),
             files,
             duration: Some(self.length.as_nanos() as u64),
             session: self.session.map(|(path, _)| PathBuf::from(path)),

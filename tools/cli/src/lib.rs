@@ -83,6 +83,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use stillpoint_operator::{Registry, Stage};
+use stillpoint_pipeline::program::Program;
+use stillpoint_pipeline::programs;
 
 pub use attach::{Attached, Which};
 pub use commands::Command;
@@ -100,6 +102,9 @@ pub use tap::Tap;
 /// Exit code of a child process that failed.
 const CHILD_FAILED: u8 = 70;
 
+/// In front of the subcommand: programs that sessions keep are started.
+const TRUST: &str = "--trust";
+
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
 struct Arguments {
@@ -107,7 +112,7 @@ struct Arguments {
     command: Option<Command>,
 }
 
-/// The kinds of operators of the command, and those of `extra`.
+/// The kinds of operators of the command, those of `extra`, and those of programs that pipelines name.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::STAGES,
@@ -122,11 +127,18 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_planner::STAGES,
     ];
     lists.extend(extra);
-    Registry::new(&lists)
+    Registry::new(&lists).describing(programs::describe, programs::refuse_recorded)
 }
 
-/// The body of the program: runs the command, or a child process of one of its runs.
+/// The body of the program: runs the command, or a child process of one of its runs. `--trust` before the subcommand starts
+/// programs that sessions keep.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
+    let mut here = Program::here().unwrap_or_default();
+    if here.arguments.first().is_some_and(|first| first == TRUST) {
+        here.arguments.remove(0);
+        here.is_hosted();
+        programs::trust_recorded();
+    }
     ExitCode::from(hosted_command(&registry(extra)))
 }
 

@@ -1,5 +1,6 @@
 //! Reading and checking the file of a pipeline.
 
+use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use std::fs::File;
 use std::io::Read;
@@ -10,7 +11,7 @@ use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::config::yaml::MOST_BYTES;
-use stillpoint_pipeline::config::{self, Code, Faults, Machine};
+use stillpoint_pipeline::config::{self, Code, Composed, Faults, Machine, Resolved};
 use stillpoint_pipeline::graph::Graph;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -40,8 +41,14 @@ pub struct PipelineFile {
 
 /// A pipeline that was read.
 pub struct Source {
-    /// Its text.
+    /// Its text. Of a checked pipeline: with what it includes, and the values of the variables that its paths name.
     pub text: String,
+    /// The arguments of `--set`, likewise.
+    pub sets: Vec<String>,
+    /// The variables of the environment that paths name, with their values, once the pipeline was checked.
+    pub variables: BTreeMap<String, String>,
+    /// The files that it includes, with their SHA-256, once the pipeline was checked.
+    pub included: BTreeMap<String, String>,
     /// Name of its file: absolute, so that every process finds it.
     pub file: PathBuf,
     /// The files beside it.
@@ -117,28 +124,50 @@ impl PipelineFile {
             None if self.in_parts => {
                 let file = PathBuf::from("head-3dof-apart.yaml");
                 let files = DiskFiles::next_to(&file).carrying(APART_FILES);
-                return Ok(Source { text: APART.to_string(), file, files });
+                return Ok(self.source(APART.to_string(), file, files));
             }
             None if default.is_file() => default,
             None => {
                 let files = DiskFiles::next_to(&default).carrying(EMBEDDED_FILES);
-                return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
+                return Ok(self.source(EMBEDDED.to_string(), default, files));
             }
         };
         let bytes = read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
         let text = config::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
         let file = std::path::absolute(&path).unwrap_or(path);
         let files = DiskFiles::next_to(&file);
-        Ok(Source { text, file, files })
+        Ok(self.source(text, file, files))
+    }
+
+    fn source(&self, text: String, file: PathBuf, files: DiskFiles) -> Source {
+        Source {
+            text,
+            sets: self.sets.clone(),
+            variables: BTreeMap::new(),
+            included: BTreeMap::new(),
+            file,
+            files,
+        }
+    }
+
+    /// The name of the file, as the user gave it.
+    fn shown(&self) -> String {
+        self.file.as_deref().unwrap_or(Path::new("pipeline.yaml")).display().to_string()
+    }
+
+    /// Reads and checks, and gives all values.
+    pub fn resolve(&self, registry: &Registry, machine: &Machine) -> Result<Resolved, Refused> {
+        let Source { text, sets, files, .. } = self.read()?;
+        config::resolve_for(machine, &text, &self.shown(), &sets, registry, &files).map_err(Refused::Faults)
     }
 
     /// Reads and checks. Faults name the file as the user did.
     pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Refused> {
         let source = self.read()?;
-        let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
-        let name = shown.display().to_string();
-        let graph = config::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
-            .map_err(Refused::Faults)?;
-        Ok(Checked { source, graph: Arc::new(graph) })
+        let name = self.shown();
+        let Composed { graph, text, sets, variables, included } =
+            config::compose_for(machine, &source.text, &name, &source.sets, registry, &source.files)
+                .map_err(Refused::Faults)?;
+        Ok(Checked { source: Source { text, sets, variables, included, ..source }, graph: Arc::new(graph) })
     }
 }

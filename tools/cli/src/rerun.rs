@@ -9,9 +9,10 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::{DiskFiles, Files, FilesError};
-use stillpoint_pipeline::config;
+use stillpoint_pipeline::config::{self, Composed};
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Observer, ObserverError};
+use stillpoint_pipeline::session::PIPELINE;
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::what_if::{Checked, Options, StepTimes, WhatIf, WhatIfError, what_if};
 use stillpoint_recorder::{Compression, METADATA_FILE, Session, write_metadata};
@@ -175,8 +176,8 @@ impl Rerun {
     ) -> Result<Computed, RerunError> {
         let before = recorded_pipeline(session, registry)?;
         let after = self.changed(&before, registry)?;
-        let SessionPipeline { graph, files, text, sets } = before;
-        let before = Checked { graph, files: Arc::new(files), text, sets };
+        let SessionPipeline { graph, files, text, sets, variables, included } = before;
+        let before = Checked { graph, files: Arc::new(files), text, sets, variables, included };
         let folder = Folder::new(self.record.as_deref());
         let options = Options {
             rerun: self.rerun.clone(),
@@ -203,22 +204,26 @@ impl Rerun {
 
     /// The changed pipeline.
     fn changed(&self, before: &SessionPipeline, registry: &Registry) -> Result<Checked, RerunError> {
-        let (text, name, sets, files): (_, _, _, Arc<dyn Files + Send + Sync>) = match &self.with {
+        let faults = |faults| RerunError::Refused(Refused::Faults(faults));
+        match &self.with {
             None => {
                 let sets = [before.sets.clone(), self.sets.clone()].concat();
-                let name = stillpoint_pipeline::session::PIPELINE.to_owned();
-                (before.text.clone(), name, sets, Arc::new(before.files.clone()))
+                let (text, files) = (before.text.clone(), before.files.clone());
+                let graph = config::check(&text, PIPELINE, &sets, registry, &files).map_err(faults)?;
+                let (variables, included) = (before.variables.clone(), before.included.clone());
+                Ok(Checked { graph, text, sets, variables, included, files: Arc::new(files) })
             }
             Some(file) => {
                 let given = PipelineFile { file: Some(file.clone()), ..PipelineFile::default() };
                 let source = given.read().map_err(RerunError::Refused)?;
-                let layered = Layered { session: before.files.clone(), disk: source.files };
-                (source.text, file.display().to_string(), self.sets.clone(), Arc::new(layered))
+                let files = Layered { session: before.files.clone(), disk: source.files };
+                let name = file.display().to_string();
+                let Composed { graph, text, sets, variables, included } =
+                    config::compose_to_rerun(&source.text, &name, &self.sets, registry, &files)
+                        .map_err(faults)?;
+                Ok(Checked { graph, text, sets, variables, included, files: Arc::new(files) })
             }
-        };
-        let graph = config::check(&text, &name, &sets, registry, &*files)
-            .map_err(|faults| RerunError::Refused(Refused::Faults(faults)))?;
-        Ok(Checked { graph, text, sets, files })
+        }
     }
 }
 

@@ -39,7 +39,6 @@ pub enum Place {
 /// have finished or `stop` is set. Gives the report, and what was observed.
 pub fn simulate(
     checked: &Checked,
-    sets: &[String],
     place: Place,
     length: u64,
     session: Option<(&Path, Compression)>,
@@ -49,7 +48,9 @@ pub fn simulate(
     let source = RunSource {
         text: checked.source.text.clone(),
         file: checked.source.file.display().to_string(),
-        sets: sets.to_vec(),
+        sets: checked.source.sets.clone(),
+        variables: checked.source.variables.clone(),
+        included: checked.source.included.clone(),
         files: Snapshot::of(&checked.graph, &checked.source.files).map_err(Failure::failed)?,
     };
     let place = match place {

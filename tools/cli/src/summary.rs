@@ -60,6 +60,8 @@ pub struct Summary<'a> {
     too_slow: Vec<String>,
     /// What operators leave out of their files, by operator.
     remarks: BTreeMap<String, Vec<String>>,
+    /// Whether the session has code that a replay does not run unasked.
+    has_code: bool,
 }
 
 impl<'a> Summary<'a> {
@@ -109,6 +111,7 @@ impl<'a> Summary<'a> {
             uncaptured: readable.map_or_else(Vec::new, |session| uncaptured::of_session(session, graph)),
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
             remarks: BTreeMap::new(),
+            has_code: graph.operators.iter().any(|node| node.stage.described.is_some()),
         }
     }
 
@@ -249,7 +252,11 @@ impl<'a> Summary<'a> {
                 outln!("not complete: {first}; `stillpoint info` lists {} more gaps", more.len());
             }
         }
-        outln!("to replay: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
+        let trust = if self.has_code { "--trust " } else { "" };
+        outln!(
+            "to replay: stillpoint {trust}replay {0}    (cargo run --release -- {trust}replay {0})",
+            session.display()
+        );
     }
 }
 

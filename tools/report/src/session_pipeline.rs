@@ -1,11 +1,13 @@
 //! The pipeline that a session keeps, checked against this build.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Map, Value};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::{self, Faults};
 use stillpoint_pipeline::former_defaults::former_defaults;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::session::{PARAMS, PIPELINE, SETS};
+use stillpoint_pipeline::session::{INCLUDED, PARAMS, PIPELINE, SETS, VARIABLES};
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_recorder::Session;
 
@@ -47,6 +49,10 @@ pub struct SessionPipeline {
     pub text: String,
     /// Arguments of `--set`: those of the recording, those that keep the defaults of its time, those that are added.
     pub sets: Vec<String>,
+    /// Variables of the environment that paths named when it was recorded, with their values.
+    pub variables: BTreeMap<String, String>,
+    /// Files that the pipeline included when it was recorded, with their SHA-256.
+    pub included: BTreeMap<String, String>,
 }
 
 /// The checked pipeline of a session, and the files that the session keeps.
@@ -92,7 +98,9 @@ pub fn recorded_pipeline(
         sets.extend(former);
         graph = check(&sets)?;
     }
-    Ok(SessionPipeline { graph, files, text: source, sets })
+    let record = |name: &str| session.metadata().get(name).cloned().unwrap_or_default();
+    let (variables, included) = (record(VARIABLES), record(INCLUDED));
+    Ok(SessionPipeline { graph, files, text: source, sets, variables, included })
 }
 
 /// The resolved parameters that the session keeps, by operator. None are no reason to refuse a session.

@@ -49,6 +49,8 @@ pub enum Code {
     Host,
     Policy,
     Set,
+    Variable,
+    Include,
 }
 
 impl Code {
@@ -92,6 +94,8 @@ impl Code {
         Code::Host,
         Code::Policy,
         Code::Set,
+        Code::Variable,
+        Code::Include,
     ];
 
     /// The kind as it stands in JSON: `unknown-key`.

@@ -30,7 +30,7 @@ impl Faults {
         writeln!(f, "{}: {}", self.sources.place(fault.span), fault.message)?;
         if let Some(source) = self.sources.of(fault.span) {
             let (line, under) = excerpt(source, fault.span);
-            let number = if fault.span.source == 0 { fault.span.line.to_string() } else { String::new() };
+            let number = if source.is_file { fault.span.line.to_string() } else { String::new() };
             let gap = " ".repeat(number.len());
             writeln!(f, " {number} | {line}")?;
             writeln!(f, " {gap} | {under}")?;

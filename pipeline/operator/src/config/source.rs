@@ -6,7 +6,7 @@ pub const MOST_BYTES: usize = 256 * 1024;
 /// A place in a source text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
-    /// Number of the text: 0 is the file, then the `--set` arguments in their order.
+    /// Number of the text: 0 is the file, then those that it includes, then the `--set` arguments, each in their order.
     pub source: usize,
     /// First byte.
     pub start: usize,
@@ -48,18 +48,36 @@ pub struct Source {
     pub name: String,
     /// The text.
     pub text: String,
+    /// Whether it is a file, in which a place has a line.
+    pub is_file: bool,
 }
 
-/// The texts that a pipeline is read from: the file, then the `--set` arguments.
+impl Source {
+    /// A file.
+    pub fn file(name: &str, text: &str) -> Self {
+        Self { name: name.to_owned(), text: text.to_owned(), is_file: true }
+    }
+
+    /// An argument of `--set`.
+    pub fn argument(text: &str) -> Self {
+        Self { name: "--set".to_owned(), text: text.to_owned(), is_file: false }
+    }
+}
+
+/// The texts that a pipeline is read from: the file, those that it includes, then the `--set` arguments.
 #[derive(Clone, Debug, Default)]
 pub struct Sources(Vec<Source>);
 
 impl Sources {
     /// The file and the arguments.
     pub fn new(file_name: &str, text: &str, sets: &[String]) -> Self {
-        let file = Source { name: file_name.to_owned(), text: text.to_owned() };
-        let sets = sets.iter().map(|s| Source { name: "--set".into(), text: s.clone() });
-        Self(std::iter::once(file).chain(sets).collect())
+        Self::of_files(vec![Source::file(file_name, text)], sets)
+    }
+
+    /// Several files and the arguments.
+    pub fn of_files(files: Vec<Source>, sets: &[String]) -> Self {
+        let sets = sets.iter().map(|set| Source::argument(set));
+        Self(files.into_iter().chain(sets).collect())
     }
 
     /// The text that a place is in.
@@ -70,7 +88,7 @@ impl Sources {
     /// `file.yaml:line:column`, or the `--set` argument.
     pub fn place(&self, span: Span) -> String {
         match self.of(span) {
-            Some(s) if span.source == 0 => format!("{}:{}:{}", s.name, span.line, span.column),
+            Some(s) if s.is_file => format!("{}:{}:{}", s.name, span.line, span.column),
             Some(s) => format!("{} {}", s.name, super::quote::shown(&s.text)),
             None => String::new(),
         }

@@ -35,6 +35,7 @@ impl<'t> Mistake<'t> {
     pub fn found(&self) -> Diagnosis {
         self.tab()
             .or_else(|| self.anchor())
+            .or_else(|| self.variable())
             .or_else(|| self.unprintable())
             .or_else(|| self.quote())
             .or_else(|| self.no_key())
@@ -71,6 +72,19 @@ impl<'t> Mistake<'t> {
             _ => "write the value itself".into(),
         };
         Some(self.here("this names an anchor, which a pipeline does not have", help))
+    }
+
+    /// A variable of the environment between brackets, without quotes.
+    fn variable(&self) -> Option<Diagnosis> {
+        let behind = self.open.is_some()
+            && self.line.chars().skip(self.noticed.column - 1).collect::<String>().starts_with('{');
+        let before = self.line.chars().nth(self.noticed.column.checked_sub(2)?)?;
+        (behind && before == '$').then(|| {
+            self.here(
+                "`${` is here, and between brackets YAML takes its `{` for a mapping",
+                "put the path in quotes: `\"${NAME}/file\"`",
+            )
+        })
     }
 
     fn unprintable(&self) -> Option<Diagnosis> {

@@ -54,6 +54,16 @@ impl<'a> ParamReader<'a> {
         self.entries
     }
 
+    /// Where a missing parameter is reported.
+    pub fn place(&self) -> Span {
+        self.place
+    }
+
+    /// Where the files are that parameters name.
+    pub fn files(&self) -> &'a dyn Files {
+        self.files
+    }
+
     /// Sorts the entries by the fields; an unknown one is a fault. To be called first.
     pub fn open(&mut self, fields: &'static [ParamField]) {
         let names: Vec<&'static str> = fields.iter().map(|f| f.name).collect();

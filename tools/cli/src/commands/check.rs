@@ -19,6 +19,10 @@ use crate::summary::judged;
 pub struct Check {
     #[command(flatten)]
     pipeline: PipelineFile,
+    /// Print the whole pipeline: with what it includes, defaults, variables and arguments, and where each value came from. The
+    /// output is a pipeline file.
+    #[arg(long, conflicts_with = "against")]
+    resolved: bool,
     /// Judge the contracts of the pipeline by the times of this session, and print what would help.
     #[arg(long, value_name = "SESSION")]
     against: Option<PathBuf>,
@@ -30,6 +34,9 @@ pub struct Check {
 impl Check {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
+        if self.resolved {
+            return self.resolve(registry);
+        }
         let graph = match self.pipeline.check(registry, &Machine::here()) {
             Ok(checked) => checked.graph,
             Err(refused) => return refused.end(self.json),
@@ -50,6 +57,24 @@ impl Check {
                 many => format!("{many} processes"),
             };
             outln!("{}: {operators} in {processes}, no faults", graph.name);
+        }
+        Ok(Exit::Done)
+    }
+
+    /// Prints all values of the pipeline.
+    fn resolve(&self, registry: &Registry) -> Ended {
+        let resolved = match self.pipeline.resolve(registry, &Machine::here()) {
+            Ok(resolved) => resolved,
+            Err(refused) => return refused.end(self.json),
+        };
+        let graph = &resolved.graph;
+        if self.json {
+            let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
+            print_json(&serde_json::json!({
+                "pipeline": graph.name, "operators": order, "faults": [], "values": resolved.to_json(),
+            }))?;
+        } else {
+            out!("{}", resolved.to_yaml());
         }
         Ok(Exit::Done)
     }

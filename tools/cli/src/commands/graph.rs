@@ -55,7 +55,7 @@ impl Graph {
         let (of, drawing) = match self.file() {
             Some(file) => {
                 let pipeline = PipelineFile { file, ..PipelineFile::default() };
-                match pipeline.check(registry, &Machine::default()) {
+                match pipeline.check(registry, &Machine::any()) {
                     Ok(checked) => {
                         let name = checked.source.file.display().to_string();
                         (

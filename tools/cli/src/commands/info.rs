@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::session::{IDENTITY, RUN};
+use stillpoint_pipeline::session::{IDENTITY, INCLUDED, RUN, VARIABLES};
 use stillpoint_recorder::{LEDGER_ATTACHMENT, Session};
 use stillpoint_report::facts::{ending, gaps_of, layout};
 
@@ -124,5 +124,10 @@ fn facts(session: &Session) -> Vec<String> {
         format!("recorded by stillpoint {version}, {profile} build {build}, on {cpu}")
     });
     let at = started(session).map(|at| format!("started {at}"));
-    [of, at, by].into_iter().flatten().collect()
+    let variables = session.metadata().get(VARIABLES).into_iter().flatten();
+    let named =
+        variables.map(|(name, value)| format!("paths of the pipeline named ${{{name}}}, which was {value}"));
+    let files = session.metadata().get(INCLUDED).into_iter().flatten();
+    let included = files.map(|(name, _)| format!("the pipeline included {name}, which its text holds"));
+    [of, at, by].into_iter().flatten().chain(included).chain(named).collect()
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
-use stillpoint_pipeline::session::{HASHES, IDENTITY, RUN, identity};
+use stillpoint_pipeline::session::{HASHES, IDENTITY, INCLUDED, RUN, VARIABLES, identity};
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::stdout::StdoutRedirect;
 use stillpoint_recorder::{Opening, Session};
@@ -183,7 +183,7 @@ fn failed(error: ReplayError) -> Failure {
 
 /// The opening of the session that a replay writes: the attachments and metadata of the replayed session.
 pub fn opening_of(session: &Session) -> Opening {
-    let keep = [RUN, IDENTITY, HASHES];
+    let keep = [RUN, IDENTITY, HASHES, VARIABLES, INCLUDED];
     Opening {
         attachments: session
             .attachments()

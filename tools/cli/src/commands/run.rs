@@ -128,7 +128,7 @@ impl Run {
         let machine = match (self.is_live(), in_processes) {
             (true, _) => Machine::here(),
             (false, true) => Machine::here().in_session_time(),
-            (false, false) => Machine::default(),
+            (false, false) => Machine::any(),
         };
         let checked = match self.pipeline.check(registry, &machine) {
             Ok(checked) => checked,
@@ -161,7 +161,7 @@ impl Run {
             };
             let stop = stop_flag_of_this_process()?;
             let retained = session.as_deref().map(|folder| (folder, self.compression.into()));
-            simulate(&checked, &self.pipeline.sets, place, length, retained, stop, !self.json)?
+            simulate(&checked, place, length, retained, stop, !self.json)?
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
@@ -211,7 +211,9 @@ impl Run {
         let options = RunOptions {
             source: checked.source.text.clone(),
             file: checked.source.file.display().to_string(),
-            sets: self.pipeline.sets.clone(),
+            sets: checked.source.sets.clone(),
+            variables: checked.source.variables.clone(),
+            included: checked.source.included.clone(),
             files: checked.source.files.clone(),
             duration: length,
             session: session.map(Path::to_path_buf),

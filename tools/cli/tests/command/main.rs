@@ -6,6 +6,7 @@ mod bench;
 mod bladder;
 mod browser;
 mod case;
+mod compose;
 mod delivered;
 mod dose;
 mod export;

@@ -92,3 +92,37 @@ fn what_would_not_check_is_not_written() {
         assert!(!folder.path().join("none").exists());
     }
 }
+
+#[test]
+fn a_new_operator_is_a_crate_that_depends_on_one_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let sources = root().canonicalize().unwrap().display().to_string();
+    let out = stillpoint(folder.path(), &["new", "operator", "my-filter", "--stillpoint", &sources]);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let read = |file: &str| std::fs::read_to_string(folder.path().join("my-filter").join(file)).unwrap();
+    let cargo = read("Cargo.toml");
+    assert!(
+        cargo.contains(&format!("stillpoint-operator = {{ path = \"{sources}/pipeline/operator\" }}")),
+        "{cargo}"
+    );
+    assert_eq!(cargo.matches("path = ").count(), 1, "{cargo}");
+    // Tests compile and test the template as it is but for the names.
+    let template =
+        std::fs::read_to_string(root().join("tools/cli/src/commands/new/crate_of_operator/main.rs")).unwrap();
+    let main = read("src/main.rs");
+    assert_eq!(main, template.replace("my.KIND", "my.my_filter").replace("NAME", "my-filter"));
+    assert!(read("pipeline.yaml").contains("use: { program: target/release/my-filter, kind: my.my_filter }"));
+    let check = stillpoint(&folder.path().join("my-filter"), &["check"]);
+    assert_eq!(check.status.code(), Some(2));
+    let message = text(&check.stderr);
+    assert!(
+        message.contains("pipeline.yaml:12:10: the program `target/release/my-filter` cannot be read"),
+        "{message}"
+    );
+    assert!(message.contains("cargo build --release"), "{message}");
+
+    let none = stillpoint(folder.path(), &["new", "operator", "other", "--stillpoint", "."]);
+    assert_eq!(none.status.code(), Some(2));
+    assert!(text(&none.stderr).contains("the sources of stillpoint are not there"), "{}", text(&none.stderr));
+    assert!(!folder.path().join("other").exists());
+}

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::Value;
-use stillpoint_pipeline::session::{EXTRINSICS, FILES, HASHES, IDENTITY, PARAMS, PIPELINE, RUN, SETS};
+use stillpoint_pipeline::session::{
+    EXTRINSICS, FILES, HASHES, IDENTITY, INCLUDED, PARAMS, PIPELINE, RUN, SETS, VARIABLES,
+};
 use stillpoint_recorder::Session;
 
 use crate::ReportError;
@@ -23,6 +25,8 @@ struct ProvenanceFigures {
     identity: BTreeMap<String, String>,
     started_utc: Option<String>,
     sets: Value,
+    variables: BTreeMap<String, String>,
+    included: BTreeMap<String, String>,
     params: Value,
     files: Vec<File>,
     frames: BTreeMap<String, String>,
@@ -66,6 +70,18 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         figures.frames.iter().for_each(|(name, place)| table.row([Cell::text(name), Cell::text(place)]));
         say(Block::Table(table));
     }
+    if !figures.variables.is_empty() {
+        let mut table =
+            Table::new("Variables of the environment in paths of the pipeline", &["variable", "value"]);
+        figures.variables.iter().for_each(|(name, value)| table.row([Cell::text(name), Cell::text(value)]));
+        say(Block::Table(table));
+    }
+    if !figures.included.is_empty() {
+        let mut table =
+            Table::new("Files that the pipeline included, joined in its text below", &["file", "SHA-256"]);
+        figures.included.iter().for_each(|(name, hash)| table.row([Cell::text(name), Cell::text(hash)]));
+        say(Block::Table(table));
+    }
     if !figures.files.is_empty() {
         let mut table =
             Table::new("Files that parameters name, stored in the session", &["file", "bytes", "SHA-256"]);
@@ -103,6 +119,8 @@ fn figures(from: &Source<'_>) -> ProvenanceFigures {
         identity: record(IDENTITY),
         started_utc: started(session),
         sets: json(SETS),
+        variables: record(VARIABLES),
+        included: record(INCLUDED),
         params: json(PARAMS),
         files: files.collect(),
         frames: record(EXTRINSICS),

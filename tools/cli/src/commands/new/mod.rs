@@ -1,12 +1,13 @@
 //! `stillpoint new`
 
+mod operator;
 mod templates;
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use stillpoint_operator::Registry;
 use stillpoint_operator::config::near::{is_name, shown};
 use stillpoint_pipeline::config::Machine;
@@ -19,9 +20,13 @@ use crate::private;
 /// Make a folder with a commented pipeline of your own. By default a simulated rig is held, as in the default pipeline, with
 /// a key of its own. What is written has passed `stillpoint check`.
 #[derive(Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct New {
+    #[command(subcommand)]
+    other: Option<Other>,
     /// Name of the pipeline and of its folder.
-    name: String,
+    #[arg(required = true)]
+    name: Option<String>,
     /// Read these recorded files: depth images (`scans/*.png`), point clouds (`*.pcd`, `*.ply`) or a recording (`ride.mcap`).
     #[arg(long, value_name = "FILES", conflicts_with = "camera")]
     files: Option<PathBuf>,
@@ -31,6 +36,12 @@ pub struct New {
     /// Take the depth images of this topic of ROS 2.
     #[arg(long, value_name = "TOPIC")]
     camera: Option<String>,
+}
+
+/// What is made in place of a pipeline.
+#[derive(Subcommand)]
+enum Other {
+    Operator(operator::NewOperator),
 }
 
 /// Name of the file of the pipeline: `stillpoint run` finds it in its folder.
@@ -43,13 +54,10 @@ const KEY_BYTES: usize = 32;
 impl New {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let name = &self.name;
-        if !is_name(&name.replace('-', "_")) {
-            return Err(Failure::wrong(format!(
-                "invalid name {} (allowed: up to 40 lower-case letters, digits, `_` and `-`, a letter first)",
-                shown(name)
-            )));
+        if let Some(Other::Operator(operator)) = &self.other {
+            return operator.execute();
         }
+        let name = checked_name(self.name.as_deref().unwrap_or_default())?;
         let text = match (&self.files, &self.camera) {
             (Some(files), _) => templates::reading(name, &absolute(files)?, self.topic.as_deref())?,
             (None, Some(topic)) => templates::camera(name, topic),
@@ -74,7 +82,7 @@ impl New {
             return refused.end(false);
         }
         outln!("{}: it has passed `stillpoint check`", file.display());
-        outln!("{}", self.next());
+        outln!("{}", self.next(name));
         Ok(Exit::Done)
     }
 
@@ -88,8 +96,7 @@ impl New {
     }
 
     /// What a person does next.
-    fn next(&self) -> String {
-        let name = &self.name;
+    fn next(&self, name: &str) -> String {
         match (&self.files, &self.camera) {
             (Some(_), _) => format!(
                 "next: state place and calibration of your camera in it, then `cd {name}` and `stillpoint run --clock simulated`"
@@ -100,6 +107,17 @@ impl New {
             (None, None) => format!("next: `cd {name}` and `stillpoint run --for 20s`"),
         }
     }
+}
+
+/// A name of a pipeline and its folder, or of a crate.
+fn checked_name(name: &str) -> Result<&str, Failure> {
+    if is_name(&name.replace('-', "_")) {
+        return Ok(name);
+    }
+    Err(Failure::wrong(format!(
+        "invalid name {} (allowed: up to 40 lower-case letters, digits, `_` and `-`, a letter first)",
+        shown(name)
+    )))
 }
 
 /// The path of files, from the root: the pipeline stands in another folder.

@@ -1,0 +1,121 @@
+//! A program of operators as it was when the run began, and processes of it.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use rustix::fs::{MemfdFlags, memfd_create};
+use serde_json::{Value, json};
+use stillpoint_operator::files::Files;
+use stillpoint_operator::program::SERVE;
+use stillpoint_operator::program::wire::{Message, receive, send};
+
+/// Time in which a program has to describe its kinds.
+const GREETING: Duration = Duration::from_secs(10);
+/// How often a program is started that another process is still writing.
+const TRIES: u32 = 200;
+
+/// A program: its bytes as they were read, so that a file that is built anew meanwhile changes nothing.
+pub struct Program {
+    /// Its path in the pipeline.
+    pub path: String,
+    /// The bytes, in memory, for reading.
+    code: File,
+}
+
+impl Program {
+    /// The program of these bytes.
+    pub fn of(path: &str, bytes: &[u8]) -> io::Result<Self> {
+        let mut written = File::from(memfd_create("stillpoint-program", MemfdFlags::CLOEXEC)?);
+        written.write_all(bytes)?;
+        // What is open for writing cannot be executed.
+        let code = File::open(in_proc(&written))?;
+        Ok(Self { path: path.to_owned(), code })
+    }
+
+    /// Starts a process of it. Gives the description of its kinds, too.
+    pub fn start(&self) -> io::Result<(Process, Value)> {
+        let (ours, theirs) = UnixStream::pair()?;
+        let theirs = OwnedFd::from(theirs);
+        let mut tries = 0;
+        let child = loop {
+            let mut command = Command::new(in_proc(&self.code));
+            // Signals of a terminal are for the run, which ends its operators in order.
+            command.arg(SERVE).stdin(Stdio::from(theirs.try_clone()?)).process_group(0);
+            // What it prints is not an output of the command.
+            command.stdout(Stdio::from(io::stderr().as_fd().try_clone_to_owned()?));
+            match command.spawn() {
+                // A process that another thread started a moment ago still has the writing end.
+                Err(e) if e.kind() == ErrorKind::ExecutableFileBusy && tries < TRIES => {
+                    tries += 1;
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                other => break other?,
+            }
+        };
+        let mut process = Process { child, socket: ours };
+        drop(theirs);
+        process.socket.set_read_timeout(Some(GREETING))?;
+        let greeting = receive(&mut process.socket)?;
+        process.socket.set_read_timeout(None)?;
+        let greeting = greeting.ok_or_else(|| process.gone())?;
+        Ok((process, greeting.head))
+    }
+}
+
+/// The path of an open file.
+fn in_proc(file: &File) -> String {
+    format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd())
+}
+
+/// A process of a program. It ends with this value, or with the process that holds it.
+pub struct Process {
+    child: Child,
+    socket: UnixStream,
+}
+
+impl Process {
+    /// Asks for an answer, and answers from `files` what the program asks on the way.
+    pub fn ask(&mut self, head: &Value, strings: &[&[u8]], files: &dyn Files) -> io::Result<Message> {
+        send(&mut self.socket, head, strings).map_err(|_| self.gone())?;
+        loop {
+            let message = receive(&mut self.socket).ok().flatten().ok_or_else(|| self.gone())?;
+            let Some(what) = message.head["ask"].as_str() else { return Ok(message) };
+            let name = message.head["name"].as_str().unwrap_or_default();
+            let (answer, bytes) = match what {
+                "read" => match files.read(name) {
+                    Ok(bytes) => (json!({}), Some(bytes)),
+                    Err(e) => (json!({ "error": e.to_string() }), None),
+                },
+                "list" => match files.list(name) {
+                    Ok(list) => (json!({ "list": list }), None),
+                    Err(e) => (json!({ "error": e.to_string() }), None),
+                },
+                _ => (json!({ "mode": files.shared_mode(name) }), None),
+            };
+            let strings: Vec<&[u8]> = bytes.iter().map(Vec::as_slice).collect();
+            send(&mut self.socket, &answer, &strings).map_err(|_| self.gone())?;
+        }
+    }
+
+    /// The error that the process is gone, with what it left.
+    fn gone(&mut self) -> io::Error {
+        let _ = self.child.kill();
+        let how = match self.child.wait() {
+            Ok(status) => status.to_string(),
+            Err(e) => e.to_string(),
+        };
+        io::Error::new(ErrorKind::BrokenPipe, format!("the program ended ({how})"))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
