@@ -5,9 +5,10 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 use stillpoint_operator::files::DiskFiles;
-use stillpoint_pipeline::config::{Machine, compose_for};
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::graph::{Graph, OperatorNode};
 
+use crate::first_hour::{blocks, printed_by};
 use crate::{root, stillpoint, text};
 
 /// Runs the command with a variable of the environment.
@@ -164,8 +165,7 @@ fn all_values_of_every_example_are_the_same_pipeline() {
         assert!(out.status.success(), "{name}: {}", text(&out.stderr));
         let disk = DiskFiles::next_to(&file);
         let graph = |pipeline: &str| {
-            let composed = compose_for(&Machine::any(), pipeline, &name, &[], &registry, &disk);
-            composed.unwrap_or_else(|faults| panic!("{faults}")).graph
+            check(pipeline, &name, &[], &registry, &disk).unwrap_or_else(|faults| panic!("{faults}"))
         };
         let all = text(&out.stdout);
         is_same(&graph(&std::fs::read_to_string(&file).unwrap()), &graph(&all), &name);
@@ -176,8 +176,8 @@ fn all_values_of_every_example_are_the_same_pipeline() {
 #[test]
 fn values_say_where_they_came_from() {
     let folder = in_two_files();
-    let check = ["check", "own.yaml", "--resolved", "--json", "--set", "law.integral=2.5"];
-    let out = stillpoint(folder.path(), &check);
+    let arguments = ["check", "own.yaml", "--resolved", "--json", "--set", "law.integral=2.5"];
+    let out = stillpoint(folder.path(), &arguments);
     let all: Value = serde_json::from_slice(&out.stdout).unwrap();
     let of = |param: &str| {
         let path = serde_json::json!(["operators", "law", "params", param]);
@@ -191,4 +191,29 @@ fn values_say_where_they_came_from() {
     std::fs::write(folder.path().join("broken.yaml"), "stillpoint: 1\n").unwrap();
     let out = stillpoint(folder.path(), &["check", "broken.yaml", "--resolved"]);
     assert_eq!((out.status.code(), text(&out.stdout).as_str()), (Some(2), ""));
+}
+
+/// `docs/guide/compose.md`: its files, and its commands in their order.
+#[test]
+fn the_commands_of_the_guide_run_in_their_order() {
+    let page = include_str!("../../../../docs/guide/compose.md");
+    let folder = tempfile::tempdir().unwrap();
+    let out = stillpoint(folder.path(), &["new", "mine"]);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let mine = folder.path().join("mine");
+    let files = blocks(page, "yaml");
+    let [added, variant] = &files[..] else { panic!("{files:?}") };
+    let own = std::fs::read_to_string(mine.join("pipeline.yaml")).unwrap();
+    std::fs::write(mine.join("pipeline.yaml"), own + added).unwrap();
+    std::fs::write(mine.join("variant.yaml"), variant).unwrap();
+    let printed = printed_by(&blocks(page, "sh").concat(), &mine);
+    for expected in [
+        "variant: 14 operators in 5 processes, no faults",
+        "rise: 3 s  # variant.yaml:3\n",
+        "\"argument\": \"law.integral=2.5\"",
+        "identical: ",
+        "change: law.rise: 3.0 -> 4.0",
+    ] {
+        assert!(printed.contains(expected), "{expected} is missing in\n{printed}");
+    }
 }

@@ -7,35 +7,41 @@ use crate::text;
 
 const PAGE: &str = include_str!("../../../../docs/guide/first-hour.md");
 
-/// The commands of the page.
-fn script() -> String {
-    let mut script = String::new();
-    let mut is_code = false;
-    for line in PAGE.lines() {
-        match line {
-            "```sh" => is_code = true,
-            "```" => is_code = false,
-            line if is_code => script.extend([line, "\n"]),
-            _ => {}
+/// The blocks of a page in a language.
+pub fn blocks(page: &str, language: &str) -> Vec<String> {
+    let mut blocks = Vec::new();
+    let mut open: Option<String> = None;
+    for line in page.lines() {
+        match &mut open {
+            Some(_) if line == "```" => blocks.extend(open.take()),
+            Some(block) => block.extend([line, "\n"]),
+            None if line == format!("```{language}") => open = Some(String::new()),
+            None => {}
         }
     }
-    script
+    blocks
+}
+
+/// Runs commands in one shell that finds the command; gives what they printed.
+pub fn printed_by(script: &str, folder: &Path) -> String {
+    let program = Path::new(env!("CARGO_BIN_EXE_stillpoint")).parent().unwrap();
+    let others = std::env::var("PATH").unwrap();
+    let out = Command::new("sh")
+        .args(["-e", "-u", "-c", script])
+        .current_dir(folder)
+        .env("PATH", format!("{}:{others}", program.display()))
+        .env("STILLPOINT_RUNS", folder.join("runs"))
+        .output()
+        .unwrap();
+    let printed = text(&out.stdout);
+    assert!(out.status.success(), "{printed}\n{}", text(&out.stderr));
+    printed
 }
 
 #[test]
 fn the_commands_of_the_first_hour_run_in_their_order() {
     let folder = tempfile::tempdir().unwrap();
-    let program = Path::new(env!("CARGO_BIN_EXE_stillpoint")).parent().unwrap();
-    let others = std::env::var("PATH").unwrap();
-    let out = Command::new("sh")
-        .args(["-e", "-u", "-c", &script()])
-        .current_dir(folder.path())
-        .env("PATH", format!("{}:{others}", program.display()))
-        .env("STILLPOINT_RUNS", folder.path().join("runs"))
-        .output()
-        .unwrap();
-    let printed = text(&out.stdout);
-    assert!(out.status.success(), "{printed}\n{}", text(&out.stderr));
+    let printed = printed_by(&blocks(PAGE, "sh").concat(), folder.path());
     let mut rest = printed.as_str();
     for expected in [
         "mine/pipeline.yaml: it has passed",
