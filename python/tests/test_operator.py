@@ -64,6 +64,27 @@ record: { topics: all }
 '''
 
 
+CLOCK = '''
+"""An operator that lets the clock reach its output."""
+
+import time
+
+from stillpoint_rt.operator import Input, Operator, Output
+
+
+class Smooth(Operator):
+    """Adds the time of day."""
+
+    track = Input("Track", queue=4)
+    smooth = Output("Track", frame_of="track")
+
+    def step(self, activation):
+        track = activation.fresh("track")
+        if track is not None:
+            activation.send("smooth", track, position=track["position"] + time.time() * 1e-9)
+'''
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A folder with a pipeline of two operators in Python."""
@@ -283,3 +304,13 @@ record: { topics: all }
     assert session.replay().identical
     report, _ = simulated(folder, "--set", "cloud.points=2000")
     assert "1000" in str(report["faults"]), "longer than the output was laid out for"
+
+
+def test_check_runs_it_twice_and_names_the_topic_that_a_clock_reaches(folder):
+    check = ("check", "p.yaml", "--determinism", "--for", "300ms", "--json")
+    assert json.loads(command(*check, cwd=folder))["deterministic"] is True
+    (folder / "ops" / "smooth.py").write_text(CLOCK)
+    done = outcome(*check, cwd=folder)
+    assert done.returncode == 3, done.stderr
+    changed = [t["topic"] for t in json.loads(done.stdout)["differences"]["topics"] if not t["identical"]]
+    assert "smooth.smooth" in changed

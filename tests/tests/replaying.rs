@@ -57,6 +57,30 @@ fn an_unordered_map_is_found() {
 }
 
 #[test]
+fn check_runs_a_pipeline_twice_and_names_what_no_seed_gives() {
+    let bench = Bench::new();
+    let file = pipeline("wrong.yaml");
+    let check = |habit: &str| {
+        let set = format!("suspect.habit={habit}");
+        bench.call(&["check", text(&file), "--determinism", "--for", "200 ms", "--set", &set, "--json"])
+    };
+    let same = check("none").good();
+    assert_eq!(same["deterministic"], true, "{same}");
+    for habit in ["clock", "unordered"] {
+        let done = check(habit);
+        assert_eq!(done.code(), 3, "{habit}: {}{}", done.out, done.err);
+        let found = done.json();
+        let topics = found["differences"]["topics"].as_array().unwrap();
+        let changed: Vec<&Value> = topics.iter().filter(|topic| topic["identical"] == false).collect();
+        assert_eq!(found["deterministic"], false, "{found}");
+        assert!(changed.iter().any(|topic| topic["topic"] == "suspect.value"), "{habit}: {found}");
+    }
+    // A run that fails is no verdict.
+    let failed = bench.call(&["check", text(&file), "--determinism", "--for", "0 s"]);
+    assert!(![0, 3].contains(&failed.code()), "{}{}", failed.out, failed.err);
+}
+
+#[test]
 fn another_thread_count_is_found() {
     let bench = Bench::new();
     let session = recorded(&bench, "wrong.yaml", &["--set", "suspect.habit=threads"]);

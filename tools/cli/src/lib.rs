@@ -43,6 +43,7 @@ mod columns;
 mod commands;
 mod compress;
 mod delays;
+mod determinism;
 mod differences;
 mod doctor;
 mod exit;

@@ -9,6 +9,7 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, print_json};
+use crate::{determinism, differences};
 use crate::pipeline_file::PipelineFile;
 use crate::rates::of_session;
 use crate::recorded::with_topics;
@@ -26,6 +27,13 @@ pub struct Check {
     /// Judge the contracts of the pipeline by the times of this session, and print what would help.
     #[arg(long, value_name = "SESSION")]
     against: Option<PathBuf>,
+    /// Run the pipeline twice in simulated time, and compare all samples: what differs depends on a clock, on an order that is
+    /// not fixed, or on random numbers that no seed gives. The command ends with 3 if the runs differ.
+    #[arg(long, conflicts_with_all = ["against", "resolved"])]
+    determinism: bool,
+    /// Length of each of these runs in session time.
+    #[arg(long = "for", value_name = "TIME", default_value = "10s", requires = "determinism")]
+    length: String,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -43,6 +51,9 @@ impl Check {
         };
         if let Some(path) = &self.against {
             return self.judge(&graph, path);
+        }
+        if self.determinism {
+            return self.compare(&graph, registry);
         }
         if self.json {
             let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
@@ -77,6 +88,30 @@ impl Check {
             out!("{}", resolved.to_yaml());
         }
         Ok(Exit::Done)
+    }
+
+    /// Runs the pipeline twice: done if the runs are the same.
+    fn compare(&self, graph: &Graph, registry: &Registry) -> Ended {
+        let found = determinism::of_two_runs(&self.pipeline, &self.length, registry)?;
+        let is_same = found.is_identical();
+        if self.json {
+            print_json(&serde_json::json!({
+                "pipeline": graph.name, "faults": [], "deterministic": is_same, "differences": found,
+            }))?;
+            return Ok(if is_same { Exit::Done } else { Exit::Differs });
+        }
+        if is_same {
+            outln!(
+                "{}: two runs of {} are the same, to the bit, in {} topics",
+                graph.name,
+                self.length,
+                found.topics.len()
+            );
+            return Ok(Exit::Done);
+        }
+        differences::print(&found, ["first run", "second run"]);
+        outln!("{}: two runs of {} differ", graph.name, self.length);
+        Ok(Exit::Differs)
     }
 
     /// Judges the contracts by the times of a session: done if all of them hold.

@@ -6,7 +6,7 @@ use stillpoint_patient::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::dose::{DoseParams, Machine};
 use stillpoint_plan::evaluation::{OnGrid, StructureDose, brought_to};
 use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::recipe::{PlanRequest, SetupSpec, plan};
+use stillpoint_plan::recipe::{PlanEngine, PlanRequest, SetupSpec, plan};
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 use stillpoint_testing::reference;
 
@@ -31,7 +31,9 @@ impl<'a> Planned<'a> {
         [bixel_mm, grid_mm]: [f64; 2],
     ) -> Self {
         let objectives = table.clone();
-        let spec = SetupSpec { objectives, grid_mm, bixel_mm, ..SetupSpec::shipped().unwrap() };
+        // The figures that were published before are of pencil beams.
+        let engine = PlanEngine::Pencil;
+        let spec = SetupSpec { objectives, grid_mm, bixel_mm, engine, ..SetupSpec::shipped().unwrap() };
         let request = PlanRequest { threads: TWO, ..PlanRequest::of_angles(angles.to_vec()) };
         let planned = plan(case.clone(), spec, &request).unwrap();
         let best = planned.best();
