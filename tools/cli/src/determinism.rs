@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::program::Program;
 use stillpoint_recorder::Session;
 use stillpoint_report::compare::{self, Choice, Comparison};
 
@@ -19,7 +20,11 @@ const SHOWN: usize = 2_000;
 ///
 /// # Errors
 /// A run fails, or a session cannot be read.
-pub fn of_two_runs(pipeline: &PipelineFile, length: &str, registry: &Registry) -> Result<Comparison, Failure> {
+pub fn of_two_runs(
+    pipeline: &PipelineFile,
+    length: &str,
+    registry: &Registry,
+) -> Result<Comparison, Failure> {
     let folder = Folder::new()?;
     let [first, second] = [folder.run("first", pipeline, length)?, folder.run("second", pipeline, length)?];
     let open = |path: &PathBuf| with_topics(Session::open_any(path), path);
@@ -40,13 +45,21 @@ impl Folder {
     /// Runs the pipeline. Gives the folder of the session.
     fn run(&self, name: &str, pipeline: &PipelineFile, length: &str) -> Result<PathBuf, Failure> {
         let sessions = self.0.join(name);
-        let mut command = Command::new(std::env::current_exe().map_err(Failure::failed)?);
-        command.arg("run").args(&pipeline.file).args(["--clock", "simulated", "--for", length, "--record"]);
+        let Program { executable, lead, environment, .. } = Program::here().map_err(Failure::failed)?;
+        let mut command = Command::new(executable);
+        command.args(lead).envs(environment).arg("run").args(&pipeline.file).args([
+            "--clock",
+            "simulated",
+            "--for",
+            length,
+            "--record",
+        ]);
         command.arg(&sessions).args(pipeline.sets.iter().flat_map(|set| ["--set", set.as_str()]));
         let ran = command.stdin(Stdio::null()).output().map_err(Failure::failed)?;
         let failed = |why: String| Failure::failed(format!("the {name} run: {why}"));
         if !ran.status.success() {
-            let printed = [ran.stdout, ran.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+            let printed =
+                [ran.stdout, ran.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
             let cut = printed.char_indices().rev().nth(SHOWN).map_or(0, |(at, _)| at);
             return Err(failed(format!("{}\n{}", ran.status, &printed[cut..])));
         }

@@ -9,8 +9,8 @@ use zerocopy::IntoBytes;
 const MOST_HEAD: u32 = 16 << 20;
 /// Most byte strings.
 const MOST_STRINGS: u32 = 1 << 14;
-/// Most bytes of a byte string.
-const MOST_BYTES: u64 = 1 << 32;
+/// Most bytes of all byte strings together.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// Bytes that are aligned as the elements of samples are.
 #[derive(Clone, Debug, Default)]
@@ -90,7 +90,8 @@ pub fn receive(stream: &mut impl Read) -> io::Result<Option<Message>> {
         stream.read_exact(&mut eight)?;
         lengths.push(u64::from_le_bytes(eight));
     }
-    if lengths.iter().any(|length| *length > MOST_BYTES) {
+    let whole = lengths.iter().try_fold(0_u64, |sum, length| sum.checked_add(*length));
+    if !whole.is_some_and(|bytes| bytes <= MOST_BYTES) {
         return Err(too_large());
     }
     let mut head = vec![0; head_length as usize];
@@ -141,6 +142,13 @@ mod tests {
         assert!(receive(&mut &stream[..0]).unwrap().is_none());
         for cut in 1..stream.len() {
             assert!(receive(&mut &stream[..cut]).is_err(), "{cut}");
+        }
+        // Lengths that no message has are refused before there is memory for them.
+        for lengths in [vec![1 << 31], vec![u64::MAX, 2], vec![1 << 29; 3]] {
+            let mut stated = [2_u32.to_le_bytes(), (lengths.len() as u32).to_le_bytes()].concat();
+            lengths.iter().for_each(|length: &u64| stated.extend(length.to_le_bytes()));
+            stated.extend(b"{}");
+            assert_eq!(receive(&mut &stated[..]).unwrap_err().kind(), io::ErrorKind::InvalidData);
         }
         let garbage = b"Usage: ls [OPTION]... [FILE]...\n";
         assert!(receive(&mut &garbage[..]).is_err());

@@ -9,11 +9,11 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, print_json};
-use crate::{determinism, differences};
 use crate::pipeline_file::PipelineFile;
 use crate::rates::of_session;
 use crate::recorded::with_topics;
 use crate::summary::judged;
+use crate::{determinism, differences};
 
 /// Check a pipeline for this machine and show all its faults.
 #[derive(Args)]
