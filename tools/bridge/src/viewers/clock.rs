@@ -45,7 +45,7 @@ impl Clock {
     }
 
     /// Someone looks who has seen nothing yet.
-    pub fn show_again(&mut self) {
+    pub fn repeat_now(&mut self) {
         self.is_chosen = true;
         self.is_changed = true;
     }
@@ -58,8 +58,8 @@ impl Clock {
         }
         let plays = request.playback_command == PlaybackCommand::Play;
         // From the end, it plays from the begin again.
-        let again = (plays && self.now == self.last).then_some(self.first);
-        if let Some(time) = request.seek_time.or(again) {
+        let from_start = (plays && self.now == self.last).then_some(self.first);
+        if let Some(time) = request.seek_time.or(from_start) {
             self.now = time.clamp(self.first, self.last);
             self.is_chosen = true;
         }
@@ -67,7 +67,7 @@ impl Clock {
             true => PlaybackStatus::Playing,
             false => PlaybackStatus::Paused,
         };
-        let did_seek = request.seek_time.is_some() || again.is_some();
+        let did_seek = request.seek_time.is_some() || from_start.is_some();
         PlaybackState { did_seek, request_id: Some(request.request_id.clone()), ..self.state() }
     }
 
@@ -165,7 +165,7 @@ mod tests {
         clock.played();
         assert_eq!(clock.tick(TICK), None);
         // Another viewer comes, and sees the same.
-        clock.show_again();
+        clock.repeat_now();
         assert_eq!(clock.tick(TICK), play(150, 150, true));
         // A time outside of the session is its nearest end.
         assert_eq!(clock.control(&request(PlaybackCommand::Pause, 1.0, Some(7))).current_time, 100);

@@ -74,7 +74,7 @@ impl ServerListener for Listener {
     fn on_subscribe(&self, _client: Client, channel: ChannelView<'_>) {
         self.count(&channel, |count| count + 1);
         if let Some(clock) = &self.clock {
-            lock(clock).show_again();
+            lock(clock).repeat_now();
         }
     }
 

@@ -72,12 +72,12 @@ pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planne
     if engine == setup.engine_name() {
         return Ok(Planned { setup, doses, run });
     }
-    let again = search.of_beams(&found.beams);
+    let last = search.of_beams(&found.beams);
     let setup = setup.by(engine)?;
-    let doses = PlanDoses::compute(&setup, &again.needed_beams(), search.threads)?;
+    let doses = PlanDoses::compute(&setup, &last.needed_beams(), search.threads)?;
     let solved = {
         let second = doses.second_player(&setup);
-        again.run(again.evaluator(&setup, &doses, second.as_ref()))?
+        last.run(last.evaluator(&setup, &doses, second.as_ref()))?
     };
     Ok(Planned { setup, doses, run: PlanRun { choice: solved.choice, ..run } })
 }

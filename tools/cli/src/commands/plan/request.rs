@@ -139,9 +139,9 @@ impl Request {
     /// # Errors
     /// No dose can be computed.
     pub fn by(self, engine: EngineName, found: &PlanRun) -> Result<Self, Failure> {
-        let again = self.searches.iter().find(|search| search.name == found.name);
-        let again = again.map(|search| search.of_beams(&found.choice.best.beams));
-        let searches = again.into_iter().collect();
+        let last = self.searches.iter().find(|search| search.name == found.name);
+        let last = last.map(|search| search.of_beams(&found.choice.best.beams));
+        let searches = last.into_iter().collect();
         let searched_by = Some(self.setup.engine_name());
         let setup = self.setup.by(engine).map_err(Failure::failed)?;
         Ok(Self { setup, searches, searched_by, ..self })
