@@ -91,7 +91,7 @@ pub fn receive(stream: &mut impl Read) -> io::Result<Option<Message>> {
         lengths.push(u64::from_le_bytes(eight));
     }
     let whole = lengths.iter().try_fold(0_u64, |sum, length| sum.checked_add(*length));
-    if !whole.is_some_and(|bytes| bytes <= MOST_BYTES) {
+    if whole.is_none_or(|bytes| bytes > MOST_BYTES) {
         return Err(too_large());
     }
     let mut head = vec![0; head_length as usize];

@@ -84,8 +84,7 @@ pub fn given(goals: &PlanProblem, weights: &[f64]) -> Result<Plan, ProblemError>
     x[goals.bixels..].copy_from_slice(&means);
     goals.convex.doses(&x, &mut dose);
     let choice = goals.dvh.iter().map(|point| (point, point.costing(&dose)));
-    let points: Vec<Term> =
-        choice.flat_map(|(point, rows)| point.terms(&rows).into_iter().collect::<Vec<_>>()).collect();
+    let points: Vec<Term> = choice.flat_map(|(point, rows)| point.terms(&rows).collect::<Vec<_>>()).collect();
     let terms: Vec<Term> = goals.convex.terms().iter().copied().chain(points).collect();
     let problem = goals.convex.clone().with_terms(terms)?;
     let certificate = Certificate::of(&problem, &x);
