@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -21,6 +22,9 @@ use super::process::Program;
 
 /// What stands between the path of a program and the name of a kind.
 const BETWEEN: char = ':';
+
+/// Time in which a program has to say what it thinks of parameters; it may look at large files.
+const ANSWER: Duration = Duration::from_secs(60);
 
 /// Whether programs that sessions keep are started.
 static TRUSTS: AtomicBool = AtomicBool::new(false);
@@ -170,12 +174,15 @@ fn stage(declared: &'static Declared) -> Stage {
         },
         validate_period: |checked, every| {
             let Some(given) = given(checked) else { return Ok(()) };
-            // Files were checked when the parameters were read.
-            let answer = asked(given.declared, &given.entries, given.place, Some(every), &NoFiles);
-            match answer.ok().as_ref().and_then(read_conflict) {
-                Some(found) if given.conflict.is_none() => Err(conflict(&found)),
-                _ => Ok(()),
-            }
+            let found = match asked(given.declared, &given.entries, given.place, Some(every), &NoFiles) {
+                Ok(answer) => read_conflict(&answer),
+                Err(reason) => Some(Conflict {
+                    params: Vec::new(),
+                    reason: format!("it cannot judge its period: {reason}"),
+                    help: "see what the program printed".to_owned(),
+                }),
+            };
+            found.map_or(Ok(()), |found| Err(conflict(&found)))
         },
         validate_input: |_, _, _| Ok(()),
         check_files: |_, _| Ok(()),
@@ -236,6 +243,7 @@ fn asked(
     files: &dyn Files,
 ) -> std::io::Result<Value> {
     let (mut process, _) = declared.program.start()?;
+    process.answers_within(ANSWER)?;
     let question = json!({
         "op": "params", "kind": declared.kind, "params": entries_to_json(entries), "place": span(place), "every": every,
     });

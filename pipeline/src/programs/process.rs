@@ -59,10 +59,9 @@ impl Program {
         };
         let mut process = Process { child, socket: ours };
         drop(theirs);
-        process.socket.set_read_timeout(Some(GREETING))?;
-        let greeting = receive(&mut process.socket)?;
+        process.answers_within(GREETING)?;
+        let greeting = process.receive()?;
         process.socket.set_read_timeout(None)?;
-        let greeting = greeting.ok_or_else(|| process.gone())?;
         Ok((process, greeting.head))
     }
 }
@@ -79,11 +78,33 @@ pub struct Process {
 }
 
 impl Process {
+    /// From now on, an answer that takes longer is an error. A step has no such bound: the deadline of the operator is its own.
+    pub fn answers_within(&self, time: Duration) -> io::Result<()> {
+        self.socket.set_read_timeout(Some(time))
+    }
+
+    /// The next message. An error says how the process ended, or that it does not answer.
+    fn receive(&mut self) -> io::Result<Message> {
+        match receive(&mut self.socket) {
+            Ok(Some(message)) => Ok(message),
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                let time = self.socket.read_timeout().ok().flatten().unwrap_or_default();
+                let reason = format!("the program does not answer within {} s", time.as_secs());
+                Err(io::Error::new(ErrorKind::TimedOut, reason))
+            }
+            Err(e) if e.kind() == ErrorKind::InvalidData => Err(io::Error::new(
+                ErrorKind::InvalidData,
+                format!("the program sends no messages of operators: {e}"),
+            )),
+            _ => Err(self.gone()),
+        }
+    }
+
     /// Asks for an answer, and answers from `files` what the program asks on the way.
     pub fn ask(&mut self, head: &Value, strings: &[&[u8]], files: &dyn Files) -> io::Result<Message> {
         send(&mut self.socket, head, strings).map_err(|_| self.gone())?;
         loop {
-            let message = receive(&mut self.socket).ok().flatten().ok_or_else(|| self.gone())?;
+            let message = self.receive()?;
             let Some(what) = message.head["ask"].as_str() else { return Ok(message) };
             let name = message.head["name"].as_str().unwrap_or_default();
             let (answer, bytes) = match what {
@@ -117,5 +138,32 @@ impl Drop for Process {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A process that does nothing on its socket, and the other end of the socket.
+    fn silent() -> (Process, UnixStream) {
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        (Process { child: Command::new("sleep").arg("60").spawn().unwrap(), socket: ours }, theirs)
+    }
+
+    #[test]
+    fn a_program_that_does_not_answer_sends_other_things_or_ends_is_named_as_such() {
+        let (mut process, _theirs) = silent();
+        process.answers_within(Duration::from_millis(20)).unwrap();
+        let error = process.receive().unwrap_err().to_string();
+        assert!(error.contains("does not answer within"), "{error}");
+        let (mut process, mut theirs) = silent();
+        theirs.write_all(b"Hello, world: this is no message.\n").unwrap();
+        let error = process.receive().unwrap_err().to_string();
+        assert!(error.contains("sends no messages of operators"), "{error}");
+        let (mut process, theirs) = silent();
+        drop(theirs);
+        let error = process.receive().unwrap_err().to_string();
+        assert!(error.contains("the program ended"), "{error}");
     }
 }

@@ -118,14 +118,16 @@ fn answer(
 }
 
 /// What a kind says of its parameters: their values, or the faults.
-fn described_params(stage: &Stage, head: &Value, files: &Asked<'_>) -> Value {
+fn described_params(stage: &Stage, head: &Value, files: &dyn Files) -> Value {
     let entries = params::entries_from_json(&head["params"]);
     let read = params::read(stage, &entries, params::read_span(&head["place"]), files);
     let faults: Vec<Value> = read.faults.iter().map(params::fault).collect();
     let Some(checked) = read.checked else { return json!({ "faults": faults, "files": read.named }) };
-    let period = |()| head["every"].as_u64().map_or(Ok(()), |every| (stage.validate_period)(&checked, every));
-    let fits =
-        (stage.validate)(&checked).and_then(period).and_then(|()| (stage.check_files)(&checked, files));
+    // Asked of the period, the rest has been answered before, and there are no files.
+    let fits = match head["every"].as_u64() {
+        Some(every) => (stage.validate_period)(&checked, every),
+        None => (stage.validate)(&checked).and_then(|()| (stage.check_files)(&checked, files)),
+    };
     let conflict = fits.err().map(|c| json!({ "params": c.params, "reason": c.reason, "help": c.help }));
     json!({
         "resolved": checked.resolved.to_string(),
@@ -301,4 +303,80 @@ pub fn panic_text(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|s| (*s).to_string());
     text.or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "a panic without words".to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::faults::Findings;
+    use crate::config::tree::Value as Written;
+    use crate::config::yaml;
+    use crate::error::{SetupError, StepError};
+    use crate::files::MemoryFiles;
+    use crate::kind::{Kind, Role, Timer};
+    use crate::operator::Operator;
+    use crate::{ParamConflict, Params};
+
+    #[derive(Clone, Params)]
+    struct ReaderParams {
+        /// A file.
+        #[param(file)]
+        data: String,
+    }
+
+    /// A kind that looks at a file, and takes only long periods.
+    struct Reader;
+
+    impl Operator for Reader {
+        type Params = ReaderParams;
+        const KIND: Kind = Kind {
+            name: "my.reader",
+            about: "Reads.",
+            role: Role::Operator,
+            inputs: &[],
+            outputs: &[],
+            timer: Timer::Required,
+        };
+
+        fn new(_: ReaderParams, _: &Setup<'_>) -> Result<Self, SetupError> {
+            Ok(Self)
+        }
+
+        fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+            Ok(())
+        }
+
+        fn check_files(params: &ReaderParams, files: &dyn Files) -> Result<(), ParamConflict> {
+            let is_full = files.read(&params.data).is_ok_and(|bytes| !bytes.is_empty());
+            let conflict =
+                ParamConflict { params: &["data"], reason: "it is empty".to_owned(), help: "fill it" };
+            if is_full { Ok(()) } else { Err(conflict) }
+        }
+
+        fn validate_period(_: &ReaderParams, every: u64) -> Result<(), ParamConflict> {
+            let conflict = ParamConflict { params: &[], reason: "too short".to_owned(), help: "wait" };
+            if every >= 10 { Ok(()) } else { Err(conflict) }
+        }
+    }
+
+    /// What the kind says where its file has these bytes.
+    fn said(bytes: &[u8], every: Option<u64>) -> Value {
+        let Written::Map(entries) = yaml::parse("data: a.bin", 0, 0, &Findings::default()).unwrap().value
+        else {
+            panic!("no mapping");
+        };
+        let files = MemoryFiles { files: [("a.bin".to_owned(), bytes.to_vec())].into() };
+        let head =
+            json!({ "params": params::entries_to_json(&entries), "place": [0, 0, 0, 1, 1], "every": every });
+        described_params(&Stage::of::<Reader>(), &head, &files)["conflict"]["reason"].clone()
+    }
+
+    #[test]
+    fn files_are_judged_with_the_parameters_and_the_period_by_itself() {
+        assert_eq!(said(b"x", None), Value::Null);
+        assert_eq!(said(b"", None), "it is empty");
+        // The files were judged before: where the period is asked for, there are none.
+        assert_eq!(said(b"", Some(10)), Value::Null);
+        assert_eq!(said(b"", Some(9)), "too short");
+    }
 }
