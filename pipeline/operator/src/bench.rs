@@ -36,7 +36,7 @@ use zerocopy::IntoBytes;
 use crate::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use crate::config::faults::{Faults, Findings};
 use crate::config::source::{Sources, Span};
-use crate::config::tree::{Entry, Value};
+use crate::config::tree::{Entry, Node, Value};
 use crate::config::yaml;
 use crate::error::SetupError;
 use crate::files::MemoryFiles;
@@ -131,9 +131,14 @@ impl Bench {
     pub fn with_files<T: Operator>(params: &str, files: MemoryFiles) -> Result<Self, BenchError> {
         let stage = Stage::of::<T>();
         let findings = Findings::default();
-        let entries = match yaml::parse(params, 0, 0, &findings).map(|node| node.value) {
-            Some(Value::Map(entries)) => entries,
-            _ => Vec::<Entry>::new(),
+        let entries: Vec<Entry> = match yaml::parse(params, 0, 0, &findings) {
+            Some(Node { value: Value::Map(entries), .. }) => entries,
+            Some(node) => {
+                node.refuse("the text of the parameters", "a mapping such as `leaf: 4 mm`", &findings);
+                Vec::new()
+            }
+            // An empty text is no parameter.
+            None => Vec::new(),
         };
         let place = Span { line: 1, column: 1, ..Span::default() };
         let found = read(&stage, &entries, place, &files);
@@ -162,25 +167,38 @@ impl Bench {
     }
 
     /// Feeds a sample to an input, acquired at the time of the activation that it causes.
+    ///
+    /// # Panics
+    /// The kind has no such input, or it takes another type of sample.
     pub fn feed<S: Sample>(&mut self, port: usize, body: &S::Body, elements: &[S::Element]) -> Left {
         self.hold::<S>(port, body, elements);
         self.activate(Cause::Input, port)
     }
 
     /// Lets a sample wait on an input without an activation, as `latest` does: the next one sees it.
+    ///
+    /// # Panics
+    /// The kind has no such input, or it takes another type of sample: a test would test nothing.
     pub fn hold<S: Sample>(&mut self, port: usize, body: &S::Body, elements: &[S::Element]) {
+        let input = self.stage.kind.inputs.get(port);
+        let taken = input.map(|input| input.sample.type_name());
+        assert_eq!(
+            taken,
+            Some(S::KIND.type_name()),
+            "the sample of input {port} of {}",
+            self.stage.kind.name
+        );
         let time = self.upcoming();
         let kinds = [(S::KIND, elements.len().max(1))];
         let mut buffers = Buffers::new(&kinds);
         let sent = Outputs::new(&kinds, 0, &mut buffers).send_slice::<S>(0, body, elements);
-        let Some(mut sample) = buffers.stored.pop().filter(|_| sent.is_ok()) else { return };
+        assert_eq!(sent.err().map(|e| e.0), None, "a sample for input {port}");
+        let Some(mut sample) = buffers.stored.pop() else { return };
         let count = elements.len() as u32;
         let header = Header { stamp: time, origin: time, sequence: self.sequence, incarnation: 0, count };
         sample.meta.get_mut()[..HEADER_SIZE].copy_from_slice(header.as_bytes());
         self.sequence += 1;
-        if let Some(held) = self.held.get_mut(port) {
-            *held = Some(sample);
-        }
+        self.held[port] = Some(sample);
     }
 
     /// Lets the timer tick.
