@@ -1,7 +1,7 @@
 //! The values of a pipeline that are paths: parameters that name files, sources of operators in Python, programs of operators, certificates of hosts.
 
 use super::host_section::TLS_KEYS;
-use super::tree::{Entry, Node, Value};
+use super::tree::{Node, Value};
 use super::wiring::IN_PYTHON;
 use crate::operator::{Files, Registry};
 use crate::params::{Names, ParamField, ParamType};
@@ -16,12 +16,12 @@ pub fn each(
     visit: &mut dyn FnMut(&mut Node),
 ) -> bool {
     let mut is_whole = true;
-    for operator in values(entry(root, "operators")) {
-        let Some(kind) = entry(operator, "use") else { continue };
+    for operator in values(root.get_mut("operators")) {
+        let Some(kind) = operator.get_mut("use") else { continue };
         if matches!(&kind.value, Value::Text(text) if text.contains(IN_PYTHON)) {
             visit(kind);
         }
-        if let Some(program) = entry(kind, "program") {
+        if let Some(program) = kind.get_mut("program") {
             visit(program);
         }
         let name = match (&kind.value, kind.get("program"), kind.get("kind")) {
@@ -37,13 +37,13 @@ pub fn each(
             is_whole = false;
             continue;
         };
-        if let Some(params) = entry(operator, "params") {
+        if let Some(params) = operator.get_mut("params") {
             fields(params, stage.fields, visit);
         }
     }
-    for host in values(entry(root, "hosts")) {
-        let Some(tls) = entry(host, "tls") else { continue };
-        entries(tls)
+    for host in values(root.get_mut("hosts")) {
+        let Some(tls) = host.get_mut("tls") else { continue };
+        tls.entries_mut()
             .iter_mut()
             .filter(|e| TLS_KEYS.contains(&e.key.value.as_str()))
             .for_each(|e| visit(&mut e.value));
@@ -52,7 +52,7 @@ pub fn each(
 }
 
 fn fields(group: &mut Node, fields_of: &[ParamField], visit: &mut dyn FnMut(&mut Node)) {
-    for entry in entries(group) {
+    for entry in group.entries_mut() {
         if let Some(field) = fields_of.iter().find(|f| f.name == entry.key.value) {
             value(&mut entry.value, field.ty, field.names, visit);
         }
@@ -70,17 +70,6 @@ fn value(node: &mut Node, ty: ParamType, names: Names, visit: &mut dyn FnMut(&mu
     }
 }
 
-fn entries(node: &mut Node) -> &mut [Entry] {
-    match &mut node.value {
-        Value::Map(entries) => entries,
-        _ => &mut [],
-    }
-}
-
-fn entry<'t>(node: &'t mut Node, key: &str) -> Option<&'t mut Node> {
-    entries(node).iter_mut().find(|e| e.key.value == key).map(|e| &mut e.value)
-}
-
 fn values(node: Option<&mut Node>) -> impl Iterator<Item = &mut Node> {
-    node.map(entries).unwrap_or_default().iter_mut().map(|e| &mut e.value)
+    node.map(Node::entries_mut).unwrap_or_default().iter_mut().map(|e| &mut e.value)
 }

@@ -44,7 +44,7 @@ pub fn resolve_for(
     if let Some(number) = sets.iter().rposition(|set| set.starts_with("seed=")) {
         let span =
             Span { source: texts.len() + number, start: 0, end: sets[number].len(), line: 1, column: 1 };
-        match part(&mut tree, "seed") {
+        match tree.get_mut("seed") {
             Some(seed) => *seed = Node::text(graph.seed.to_string(), span),
             None => add(&mut tree, "seed", Node::text(graph.seed.to_string(), span)),
         }
@@ -150,9 +150,9 @@ fn fill(root: &mut Node, graph: &Graph) {
     if let Value::Map(sections) = &mut root.value {
         sections.sort_by_key(|e| document::KEYS.iter().position(|key| *key == e.key.value));
     }
-    for Entry { key, value } in entries(root) {
+    for Entry { key, value } in root.entries_mut() {
         match key.value.as_str() {
-            "frames" => entries(value).iter_mut().for_each(|frame| {
+            "frames" => value.entries_mut().iter_mut().for_each(|frame| {
                 let angle = || Node::text("0 deg", DEFAULT);
                 add(
                     &mut frame.value,
@@ -160,11 +160,12 @@ fn fill(root: &mut Node, graph: &Graph) {
                     Node::new(Value::List(vec![angle(), angle(), angle()]), DEFAULT),
                 );
             }),
-            "operators" => entries(value).iter_mut().for_each(|entry| operator(entry, graph)),
-            "links" => entries(value)
+            "operators" => value.entries_mut().iter_mut().for_each(|entry| operator(entry, graph)),
+            "links" => value
+                .entries_mut()
                 .iter_mut()
                 .for_each(|link| add(&mut link.value, "delay", Node::text("0 s", DEFAULT))),
-            "processes" => entries(value).iter_mut().for_each(|entry| process(&mut entry.value)),
+            "processes" => value.entries_mut().iter_mut().for_each(|entry| process(&mut entry.value)),
             "ros2" => add(value, "domain", Node::text("0", DEFAULT)),
             "contracts" => items(value).iter_mut().for_each(|contract| {
                 add(contract, "share", Node::text("100 %", DEFAULT));
@@ -179,7 +180,7 @@ fn operator(entry: &mut Entry, graph: &Graph) {
     let Some(number) = graph.operator(&entry.key.value) else { return };
     let node = &graph.operators[number];
     let stage = &node.stage;
-    for input in part(&mut entry.value, "inputs").map(entries).unwrap_or_default() {
+    for input in entry.value.get_mut("inputs").map(Node::entries_mut).unwrap_or_default() {
         if let Some(port) = stage.kind.inputs.iter().position(|port| port.name == input.key.value) {
             policy(&mut input.value, node.inputs[port].policy);
         }
@@ -188,7 +189,7 @@ fn operator(entry: &mut Entry, graph: &Graph) {
     if !stage.fields.is_empty() {
         add(&mut entry.value, "params", group([]));
     }
-    if let Some(params) = part(&mut entry.value, "params") {
+    if let Some(params) = entry.value.get_mut("params") {
         fields(params, stage.fields);
     }
 }
@@ -215,12 +216,12 @@ fn policy(input: &mut Node, policy: Policy) {
 /// Adds the defaults of a group of parameters.
 fn fields(group: &mut Node, all: &[ParamField]) {
     for field in all {
-        if part(group, field.name).is_none()
+        if group.get_mut(field.name).is_none()
             && let Some(value) = default(field)
         {
             add(group, field.name, value);
         }
-        if let Some(value) = part(group, field.name) {
+        if let Some(value) = group.get_mut(field.name) {
             inner(value, field.ty);
         }
     }
@@ -282,17 +283,6 @@ fn add(node: &mut Node, key: &str, value: Node) {
         && !entries.iter().any(|e| e.key.value == key)
     {
         entries.push(named(key, value));
-    }
-}
-
-fn part<'t>(node: &'t mut Node, key: &str) -> Option<&'t mut Node> {
-    entries(node).iter_mut().find(|e| e.key.value == key).map(|e| &mut e.value)
-}
-
-fn entries(node: &mut Node) -> &mut [Entry] {
-    match &mut node.value {
-        Value::Map(entries) => entries,
-        _ => &mut [],
     }
 }
 

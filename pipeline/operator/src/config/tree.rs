@@ -67,6 +67,19 @@ impl Node {
         Self::new(Value::Text(text.into()), span)
     }
 
+    /// The entries of a mapping, to be changed; none of another value.
+    pub fn entries_mut(&mut self) -> &mut [Entry] {
+        match &mut self.value {
+            Value::Map(entries) => entries,
+            _ => &mut [],
+        }
+    }
+
+    /// The value of a key of a mapping, to be changed.
+    pub fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
+        self.entries_mut().iter_mut().find(|e| e.key.value == key).map(|e| &mut e.value)
+    }
+
     /// Reports that another type is due here.
     pub fn refuse(&self, what: &str, expected: &str, findings: &Findings) {
         if !matches!(self.value, Value::Refused) {
