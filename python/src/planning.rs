@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use serde_json::json;
 use stillpoint_patient::case::{Case, lung, neck, phantom, read};
-use stillpoint_plan::Setups;
+use stillpoint_plan::{ByRows as CompressedRows, Setups};
 use stillpoint_plan::dose::{CachedBeam, EngineName, Machine};
 use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::fluence::{Options, PlanProblem, solve_plan};
@@ -256,7 +256,7 @@ type ByRows<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i32>>, Bound<
 impl NativeBeams {
     /// The dose matrix by rows: points of the set-up by bixels of all beams, gray per unit weight.
     fn dose<'py>(&self, py: Python<'py>) -> ByRows<'py> {
-        let (starts, columns, values) = py.detach(|| self.by_rows());
+        let CompressedRows { starts, columns, values } = py.detach(|| self.by_rows());
         (starts.into_pyarray(py), columns.into_pyarray(py), values.into_pyarray(py))
     }
 
@@ -306,19 +306,9 @@ impl NativeBeams {
 }
 
 impl NativeBeams {
-    fn by_rows(&self) -> (Vec<i64>, Vec<i32>, Vec<f32>) {
-        let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
-        for row in 0..self.setup.engine().rows() {
-            let mut before = 0;
-            for beam in &self.beams {
-                let (own, dose) = beam.beam.dose().row(row);
-                columns.extend(own.iter().map(|column| before + i32::from(*column)));
-                values.extend_from_slice(dose);
-                before += beam.beam.bixels_mm().len() as i32;
-            }
-            starts.push(columns.len() as i64);
-        }
-        (starts, columns, values)
+    fn by_rows(&self) -> CompressedRows {
+        let matrices: Vec<Setups<'_>> = self.beams.iter().map(|b| Setups::from(b.beam.dose())).collect();
+        CompressedRows::of(&matrices)
     }
 
     fn evaluated(

@@ -47,4 +47,4 @@ pub mod sampling;
 mod sparse;
 pub mod threads;
 
-pub use sparse::{Csc, CscError, CscRef, Rows, RowsError, RowsRef, Setups};
+pub use sparse::{ByRows, Csc, CscError, CscRef, Rows, RowsError, RowsRef, Setups};

@@ -52,6 +52,9 @@ pub struct PlanFile {
     pub objectives: Vec<Value>,
     /// How the beams were chosen.
     pub method: MethodName,
+    /// Whether another program found the weights: then nothing was optimised here.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub given_weights: bool,
     /// Seed of the random methods.
     #[serde(default)]
     pub seed: u64,

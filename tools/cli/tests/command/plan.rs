@@ -279,6 +279,8 @@ fn another_optimiser_gets_the_matrix_and_its_weights_become_the_plan() {
     };
     near(&given["objective"], &solved["objective"], 1e-9);
     assert_eq!(given["structures"], solved["structures"]);
+    assert_eq!((&given["given_weights"], &given["searches"][0]["solves"]), (&true.into(), &0.into()));
+    assert_eq!((solved.get("given_weights"), &solved["searches"][0]["solves"]), (None, &1.into()));
     // The doses of the matrix are those that the objectives judge: a target has its prescription about.
     let target = &problem["prescription"][0];
     let of_target = |structure: &&Value| structure["name"] == target["structure"];

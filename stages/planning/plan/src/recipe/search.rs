@@ -59,6 +59,13 @@ pub struct PlanRun {
     pub prices: usize,
 }
 
+impl PlanRun {
+    /// Solves.
+    pub fn solves(&self) -> usize {
+        self.history.last().map_or(0, |last| last.solves)
+    }
+}
+
 impl PlanSearch {
     /// What is known of beams without a solve.
     pub fn prior(&self) -> Option<&dyn Prior> {

@@ -10,4 +10,4 @@ mod setups;
 
 pub use columns::{Csc, CscError, CscRef};
 pub use rows::{Rows, RowsError, RowsRef};
-pub use setups::Setups;
+pub use setups::{ByRows, Setups};

@@ -62,3 +62,32 @@ impl<'a> Setups<'a> {
         self.matrices[row / each].row(row % each)
     }
 }
+
+/// Matrices of several beams side by side, by rows, for other programs: compressed sparse rows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ByRows {
+    /// Where each row starts in the others; one more at the end.
+    pub starts: Vec<i64>,
+    /// The column of each entry: bixels of the first beam, then those of the next.
+    pub columns: Vec<i32>,
+    /// The entries, gray over all fractions for a weight of 1.
+    pub values: Vec<f32>,
+}
+
+impl ByRows {
+    /// The matrices side by side. They have as many rows.
+    pub fn of(matrices: &[Setups<'_>]) -> Self {
+        let mut all = Self { starts: vec![0], ..Self::default() };
+        for row in 0..matrices.first().map_or(0, Setups::rows) {
+            let mut before = 0;
+            for matrix in matrices {
+                let (columns, values) = matrix.row(row);
+                all.columns.extend(columns.iter().map(|column| before + i32::from(*column)));
+                all.values.extend_from_slice(values);
+                before += matrix.columns() as i32;
+            }
+            all.starts.push(all.columns.len() as i64);
+        }
+        all
+    }
+}

@@ -8,21 +8,24 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use npyz::{AutoSerialize, NpyFile, WriterBuilder};
 use serde_json::json;
+use stillpoint_plan::ByRows;
 use stillpoint_plan::beams::Influence;
 
 use super::args::PlanArgs;
 use super::folder;
 use super::patient::{self, Made};
+use super::pooled::Pooled;
 use super::prepared::Prepared;
 use super::request::{Patient, Request};
-use crate::exit::{Ended, Exit, Failure};
+use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// Write the dose matrix of given beams, with their objectives, as files that other programs read.
 ///
 /// The matrix is in three files of NumPy: `dose-data.npy` (float32, gray over all fractions for a weight of 1), `dose-indices.npy`
 /// (int32, the bixel) and `dose-starts.npy` (int64), as `scipy.sparse.csr_matrix((data, indices, starts), shape)` takes them. Rows
 /// are the points of the optimiser, columns the bixels. `bixels.csv` has the beam and place of each bixel, and `problem.json` the
-/// shape, the objectives, and the rows of each structure with their volumes.
+/// shape, the objectives, and the rows of each structure with their volumes. Arguments of what a plan becomes, such as
+/// `--dose-grid`, have no effect here.
 #[derive(Args)]
 pub struct Export {
     #[command(flatten)]
@@ -50,13 +53,18 @@ impl Export {
         }
         let request = Request::new(&self.args, &patient)?;
         folder::make_ready(&request.out)?;
-        let prepared = Prepared::new(&request, None)?;
-        if !request.quiet {
-            prepared.print_notes(&request);
+        let mut pooled = self.args.pool.open()?.map(Pooled::new);
+        let prepared = Prepared::new(&request, pooled.as_mut())?;
+        if let Some(pooled) = &mut pooled {
+            pooled.print_news();
         }
-        for file in write(&request, &prepared)? {
-            outln!("{}", file.display());
+        let files = write(&request, &prepared)?;
+        if self.args.json {
+            print_json(&json!({ "files": files }))?;
+            return Ok(Exit::Done);
         }
+        prepared.print_notes(&request);
+        files.iter().for_each(|file| outln!("{}", file.display()));
         Ok(Exit::Done)
     }
 }
@@ -118,18 +126,7 @@ fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure
     let (setup, out) = (&request.setup, &request.out);
     let beams = request.needed_beams();
     let matrices: Vec<_> = beams.iter().map(|beam| prepared.doses.solved.beam(*beam)).collect();
-    let rows = setup.engine().rows();
-    let (mut starts, mut indices, mut data) = (vec![0_i64], Vec::<i32>::new(), Vec::<f32>::new());
-    for row in 0..rows {
-        let mut before = 0;
-        for matrix in &matrices {
-            let (columns, values) = matrix.row(row);
-            indices.extend(columns.iter().map(|column| before + i32::from(*column)));
-            data.extend_from_slice(values);
-            before += matrix.columns() as i32;
-        }
-        starts.push(indices.len() as i64);
-    }
+    let ByRows { starts, columns, values } = ByRows::of(&matrices);
     let mut bixels = String::from("bixel,beam,gantry_deg,x_mm,z_mm\n");
     let places = beams.iter().enumerate().flat_map(|(number, beam)| {
         let gantry_deg = setup.spec.ring.angle_deg(*beam);
@@ -145,12 +142,12 @@ fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure
         "case": setup.case.name(), "hash": setup.hash.to_string(), "engine": setup.engine_name(),
         "prescription": setup.case.prescription(), "fractions": setup.case.fractions(),
         "angles_deg": setup.angles_deg(&beams), "bixel_mm": setup.spec.bixel_mm, "points_mm": setup.points_mm(),
-        "shape": [rows, count], "modulation": setup.objective_set.modulation, "structures": structures,
+        "shape": [starts.len() - 1, count], "modulation": setup.objective_set.modulation, "structures": structures,
     });
     let problem = serde_json::to_string_pretty(&problem).map_err(Failure::failed)?;
     Ok(vec![
-        array(out.join("dose-data.npy"), &data)?,
-        array(out.join("dose-indices.npy"), &indices)?,
+        array(out.join("dose-data.npy"), &values)?,
+        array(out.join("dose-indices.npy"), &columns)?,
         array(out.join("dose-starts.npy"), &starts)?,
         text(out.join("bixels.csv"), &bixels)?,
         text(out.join("problem.json"), &problem)?,

@@ -224,6 +224,7 @@ impl<'a> Outcome<'a> {
             requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             method: self.run.name,
+            given_weights: request.has_weights,
             seed: request.seed,
             objective: best.solved_cost(),
             modulation: self.modulation,
@@ -294,7 +295,11 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         prices: progress.prices,
         angles_deg: request.setup.angles_deg(progress.beams.beams()),
     };
-    let ended = if run.choice.spent { "the budget was spent" } else { "nothing more to try" };
+    let ended = match (request.has_weights, run.choice.spent) {
+        (true, _) => "the weights were given",
+        (false, true) => "the budget was spent",
+        (false, false) => "nothing more to try",
+    };
     PlanFileSearch {
         method: run.name,
         budget: run.budget,
@@ -302,7 +307,7 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         ended: ended.to_owned(),
         objective: run.choice.best.cost,
         angles_deg: request.setup.angles_deg(run.choice.best.beams.beams()),
-        solves: run.history.len(),
+        solves: run.solves(),
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),
     }

@@ -39,6 +39,8 @@ pub struct Request {
     pub setup: PlanSetup,
     /// The searches, one for each method.
     pub searches: Vec<PlanSearch>,
+    /// Whether the weights were given: then nothing is optimised.
+    pub has_weights: bool,
     /// The method by which dose was computed for the search, where it is not that of the plan.
     pub searched_by: Option<EngineName>,
     /// Beams of the plan.
@@ -108,6 +110,7 @@ impl Request {
             setups_mm: setup.setups_mm(),
             setup,
             searches,
+            has_weights: patient.weights.is_some(),
             searched_by: None,
             beams,
             budget,

@@ -29,11 +29,11 @@ pub fn print(
         "\n{}: beams {} by {}{}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
         request.setup.case.name(),
         angles(&outcome.angles_deg),
-        outcome.run.name.word(),
+        if request.has_weights { "weights that were given" } else { outcome.run.name.word() },
         with_leaves(outcome.run),
         best.solved_cost(),
         best.plan.certificate.excess / best.solved_cost(),
-        outcome.run.history.len(),
+        outcome.run.solves(),
         outcome.run.prices
     );
     if let Some(text) = outcome.worst_case(request) {
@@ -139,7 +139,7 @@ fn searches(request: &Request, runs: &[PlanRun], seconds: &[f64]) {
         table.row([
             run.name.word().to_owned(),
             format!("{:.4}", run.choice.best.cost),
-            run.history.len().to_string(),
+            run.solves().to_string(),
             run.prices.to_string(),
             format!("{seconds:.1}"),
             angles(&beams.iter().map(|beam| request.setup.spec.ring.angle_deg(*beam)).collect::<Vec<_>>()),

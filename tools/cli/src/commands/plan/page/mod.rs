@@ -181,13 +181,19 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
     let certificate = &run.choice.best.plan.certificate;
     let chart = charts::objective(request, run).map_err(Failure::failed)?;
     let ended = if run.choice.spent { "its budget was spent" } else { "there was nothing more to try" };
-    let found = format!(
-        "The search by {}{} ended after {} solves and {} prices, when {ended}. It does not prove that no other set of beams is better.",
-        run.name.word(),
-        with_leaves(run),
-        run.history.len(),
-        run.prices
-    );
+    let by_engine =
+        request.searched_by.map_or(String::new(), |engine| format!(" on doses by the engine {engine}"));
+    let found = match request.has_weights {
+        true => "Beams and weights were given; nothing was optimised.".to_owned(),
+        false => format!(
+            "The search by {}{}{by_engine} ended after {} solves and {} prices, when {ended}. It does not prove that no other \
+             set of beams is better.",
+            run.name.word(),
+            with_leaves(run),
+            run.solves(),
+            run.prices
+        ),
+    };
     let proved = format!(
         "Certificate: the objective of the planned fluence is {:.6}, proved to be at most {:.1e} (relative {:.1e}) above the \
          optimum of these beams{}. The largest violation of the optimality conditions is {:.1e}.",
