@@ -1,5 +1,6 @@
 //! Whether a pipeline gives the same samples each time that it is run.
 
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -38,7 +39,11 @@ struct Folder(PathBuf);
 impl Folder {
     fn new() -> Result<Self, Failure> {
         let path = std::env::temp_dir().join(format!("stillpoint-two-runs-{}", std::process::id()));
-        std::fs::create_dir(&path).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        // Sessions can show a patient.
+        std::fs::DirBuilder::new()
+            .mode(0o700)
+            .create(&path)
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
         Ok(Self(path))
     }
 

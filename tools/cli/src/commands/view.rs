@@ -91,7 +91,7 @@ impl View {
             let bound = serve_viewers(bridge::command()?, port, &served, folder, flags)?;
             outln!(
                 "ws://127.0.0.1:{bound} (this machine only, read-only; Ctrl-C ends it): Foxglove and Lichtblick open it as \
-                 \"Foxglove WebSocket\""
+                 \"Foxglove WebSocket\". Every web page that is open in a browser of this machine can read it, too"
             );
             return Ok(served);
         }
