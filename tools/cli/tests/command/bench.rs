@@ -1,17 +1,23 @@
 //! `stillpoint bench` starts `stillpoint-bench` from its own folder, and `stillpoint train` names the program that trains.
 
-use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::process::Command;
 
 use crate::text;
 
 /// A copy of the command in a folder of its own, so that nothing lies beside it.
-fn copied(folder: &std::path::Path) -> Command {
+fn copied(folder: &Path) -> Command {
     let copy = folder.join("stillpoint");
-    std::fs::copy(env!("CARGO_BIN_EXE_stillpoint"), &copy).unwrap();
+    install(env!("CARGO_BIN_EXE_stillpoint").as_ref(), &copy);
     let mut command = Command::new(copy);
     command.current_dir(folder);
     command
+}
+
+/// Copies a program with a process of its own. A copy that this process writes can't be started while a process that
+/// another test forks in that moment holds its open file ("Text file busy").
+fn install(program: &Path, copy: &Path) {
+    assert!(Command::new("install").args(["-m", "700"]).args([program, copy]).status().unwrap().success());
 }
 
 #[test]
@@ -27,9 +33,9 @@ fn without_the_program_that_measures_the_command_that_builds_it_is_named() {
 fn the_program_that_lies_beside_the_command_gets_all_arguments_and_gives_its_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = copied(folder.path());
-    let program = folder.path().join("stillpoint-bench");
-    std::fs::write(&program, "#!/bin/sh\necho \"$@\"\nexit 7\n").unwrap();
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o700)).unwrap();
+    let script = folder.path().join("script");
+    std::fs::write(&script, "#!/bin/sh\necho \"$@\"\nexit 7\n").unwrap();
+    install(&script, &folder.path().join("stillpoint-bench"));
     let out = command.args(["bench", "hop", "--windows", "2", "--help"]).output().unwrap();
     assert_eq!((out.status.code(), text(&out.stdout).as_str()), (Some(7), "hop --windows 2 --help\n"));
 }
