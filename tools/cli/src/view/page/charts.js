@@ -20,11 +20,22 @@ export const colours = () => {
 };
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { known = null; });
 
+// The sizes of canvases in CSS pixels. Asked for at each drawing, they would lay the page out each time.
+const sizes = new Map();
+export const watchSizes = (canvases, changed) => {
+  const observer = new ResizeObserver(entries => {
+    for (const { target, contentRect } of entries) sizes.set(target, [contentRect.width, contentRect.height]);
+    changed();
+  });
+  for (const canvas of canvases) observer.observe(canvas);
+};
+const sizeOf = canvas => sizes.get(canvas) ?? [canvas.clientWidth, canvas.clientHeight];
+
 // A canvas at the resolution of the screen; its context counts in CSS pixels.
 export const fitted = (canvas, height) => {
   const scale = window.devicePixelRatio || 1;
   if (height) canvas.style.height = `${height}px`;
-  const [w, h] = [canvas.clientWidth, canvas.clientHeight];
+  const [w, h] = [sizeOf(canvas)[0], height ?? sizeOf(canvas)[1]];
   if (canvas.width !== Math.round(w * scale) || canvas.height !== Math.round(h * scale)) {
     canvas.width = Math.round(w * scale);
     canvas.height = Math.round(h * scale);
@@ -78,7 +89,7 @@ const channelsOf = rows => {
 export const drawChannels = (canvas, rows, [from, to], now) => {
   const shown = visible(rows, from, to);
   const channels = channelsOf(shown);
-  const columns = canvas.clientWidth < 640 ? 1 : Math.min(3, Math.max(1, channels.length));
+  const columns = sizeOf(canvas)[0] < 640 ? 1 : Math.min(3, Math.max(1, channels.length));
   const lines = Math.max(1, Math.ceil(channels.length / columns));
   const [context, w, h] = fitted(canvas, 150 * lines);
   const c = colours();
@@ -179,6 +190,6 @@ export const drawTimeline = (canvas, rows, log, [from, to], now, words) => {
 
 // The time under a place of the timeline.
 export const timeAt = (canvas, place, [from, to]) => {
-  const inner = canvas.clientWidth - LEFT - 12;
+  const inner = sizeOf(canvas)[0] - LEFT - 12;
   return from + (to - from) * Math.min(1, Math.max(0, (place - LEFT) / inner));
 };

@@ -30,10 +30,11 @@ export const rotation = ([pitch, roll, yaw]) => {
 };
 const times = (m, [x, y, z]) =>
   [m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z];
-const turned = (m, [x, y, z]) =>
-  [m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z];
 const sum = (a, b) => a.map((value, i) => value + b[i]);
 const less = (a, b) => a.map((value, i) => value - b[i]);
+const product = (a, b) => [0, 1, 2].flatMap(row => [0, 1, 2].map(column =>
+  a[3 * row] * b[column] + a[3 * row + 1] * b[3 + column] + a[3 * row + 2] * b[6 + column]));
+const transposed = m => [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]];
 
 // A pose of six numbers; those of `other` where it has none. None where a number is not known.
 const pose = (six, other) => {
@@ -50,12 +51,10 @@ export const drawHead = (canvas, row, points, camera) => {
   // The couch and a part of the way to the camera are in the picture.
   const scale = Math.min(w, h) / 0.42;
   const [st, ct, si, ci] = [Math.sin(turn), Math.cos(turn), Math.sin(tilt), Math.cos(tilt)];
-  // From above at a tilt of a quarter turn; z is up.
-  const seen = p => {
-    const [x, y, z] = less(p, middle);
-    const [across, along] = [ct * x - st * y, st * x + ct * y];
-    return [w / 2 + scale * across, h / 2 - scale * (ci * z + si * along), ci * along - si * z];
-  };
+  // Across, down (CSS pixels) and away from the eye (m). From above at a tilt of a quarter turn; z is up.
+  const view = [scale * ct, -scale * st, 0, -scale * si * st, -scale * si * ct, -scale * ci, ci * st, ci * ct, -si];
+  const origin = less([w / 2, h / 2, 0], times(view, middle));
+  const seen = p => sum(times(view, p), origin);
   const draw = (a, b, style, width = 1, dash = []) => {
     const [p, q] = [seen(a), seen(b)];
     context.strokeStyle = style;
@@ -79,15 +78,13 @@ export const drawHead = (canvas, row, points, camera) => {
     draw([floor[0] - 4 * grid, floor[1] + i * grid, 0], [floor[0] + 4 * grid, floor[1] + i * grid, 0], c.rule);
   }
   if (points.length) {
-    dots(context, points, seen, c.ink, 0.75);
+    const clouds = [[view, origin, c.ink, 191]];
     if (estimate && target) {
-      const moved = new Float32Array(points.length);
-      for (let i = 0; i < points.length; i += 3) {
-        const own = turned(estimate.m, less([points[i], points[i + 1], points[i + 2]], estimate.at));
-        moved.set(sum(times(target.m, own), target.at), i);
-      }
-      dots(context, moved, seen, c.warm, 0.25);
+      const m = product(target.m, transposed(estimate.m));
+      const moved = sum(times(view, less(target.at, times(m, estimate.at))), origin);
+      clouds.unshift([product(view, m), moved, c.warm, 64]);
     }
+    dots(context, points, clouds);
   } else {
     if (estimate) wire(draw, estimate, c.ink);
     if (target) wire(draw, target, c.warm);
@@ -108,16 +105,32 @@ const centre = points => {
   return all.map(value => value * 3 / points.length);
 };
 
-// Nearer points are drawn larger.
-const dots = (context, points, seen, style, alpha) => {
-  context.fillStyle = style;
-  context.globalAlpha = alpha;
-  for (let i = 0; i < points.length; i += 3) {
-    const [x, y, far] = seen([points[i], points[i + 1], points[i + 2]]);
-    const size = Math.min(2.6, Math.max(1, 1.6 - 8 * far));
-    context.fillRect(x, y, size, size);
+// Points as each cloud places them, the last on top; nearer ones are larger. They are set pixel by pixel: thousands of
+// rectangles a picture are more than a browser without a graphics card draws in time.
+const layer = document.createElement("canvas");
+const dots = (context, points, clouds) => {
+  const { width, height } = context.canvas;
+  const { a: scale } = context.getTransform();
+  if (layer.width !== width || layer.height !== height) [layer.width, layer.height] = [width, height];
+  const own = layer.getContext("2d");
+  const picture = own.createImageData(width, height);
+  const pixels = new Uint32Array(picture.data.buffer);
+  for (const [m, at, style, alpha] of clouds) {
+    const [red, green, blue] = style.match(/[\d.]+/g).map(Number);
+    const colour = (alpha << 24 | blue << 16 | green << 8 | red) >>> 0;
+    for (let i = 0; i < points.length; i += 3) {
+      const [x, y, z] = [points[i], points[i + 1], points[i + 2]];
+      const far = m[6] * x + m[7] * y + m[8] * z + at[2];
+      const size = Math.round(scale * Math.min(2.6, Math.max(1, 1.6 - 8 * far)));
+      const left = Math.round(scale * (m[0] * x + m[1] * y + m[2] * z + at[0]));
+      const top = Math.round(scale * (m[3] * x + m[4] * y + m[5] * z + at[1]));
+      for (let down = Math.max(0, top); down < Math.min(height, top + size); down++) {
+        pixels.fill(colour, down * width + Math.max(0, left), down * width + Math.max(0, Math.min(width, left + size)));
+      }
+    }
   }
-  context.globalAlpha = 1;
+  own.putImageData(picture, 0, 0);
+  context.drawImage(layer, 0, 0, width / scale, height / scale);
 };
 
 const wire = (draw, { at, m }, style) => {

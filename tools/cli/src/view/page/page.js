@@ -1,6 +1,6 @@
 // The page: what it follows, the time that it shows, and when it draws. Drawing waits for the browser, and images are asked
 // for one after another, so a slow page leaves out what it cannot show.
-import { drawChannels, drawTimeline, rowAt, timeAt } from "./charts.js";
+import { drawChannels, drawTimeline, rowAt, timeAt, watchSizes } from "./charts.js";
 import { offer } from "./commands.js";
 import { drawHead, listen } from "./head.js";
 import { number, of, show } from "./tables.js";
@@ -15,6 +15,7 @@ let chosen = null;
 let points = new Float32Array(0);
 let image = 0;
 let images = [];
+let note = "";
 let isOver = false;
 
 const newest = () => rows.length ? rows[rows.length - 1].t : 0;
@@ -27,18 +28,33 @@ const range = () => {
   return [to - span, to];
 };
 
+// The head is drawn with each image; the charts, which cost ten times as much, every 250 ms.
+const CHARTS = 250;
 let isDirty = false;
+let areChartsOld = false;
+let charted = -Infinity;
+let timer = null;
 const draw = () => {
   if (isDirty) return;
   isDirty = true;
   requestAnimationFrame(() => {
     isDirty = false;
     const row = rows[rowAt(rows, now())] ?? rows[0];
+    drawHead(of("head"), row, points, about.camera);
+    if (!areChartsOld) return;
+    [areChartsOld, charted] = [false, performance.now()];
     drawChannels(of("channels"), rows, range(), now());
     drawTimeline(of("timeline"), rows, log, range(), now(), about.words);
-    drawHead(of("head"), row, points, about.camera);
+    of("image-note").textContent = note;
     marks(row);
   });
+};
+const drawAll = () => {
+  clearTimeout(timer);
+  timer = setTimeout(() => {
+    areChartsOld = true;
+    draw();
+  }, charted + CHARTS - performance.now());
 };
 
 const words = (all, bits) => all.filter(([, bit]) => bits & bit).map(([word]) => word);
@@ -96,16 +112,17 @@ const paint = buffer => {
   const at = performance.now();
   images = [...images.filter(time => at - time < 2000), at];
   const rate = about.follows ? `${number(images.length / 2, 0)} images a second` : about.images;
-  of("image-note").textContent = `${number(head.t, 2)} s, ${head.face ? "face" : "no face"}, ${rate}`;
+  note = `${number(head.t, 2)} s, ${head.face ? "face" : "no face"}, ${rate}`;
   canvas.dataset.images = Number(canvas.dataset.images ?? 0) + 1;
-  draw();
+  if (about.follows) draw(); else drawAll();
   return head;
 };
 
 const pause = ms => new Promise(done => setTimeout(done, ms));
 const followImages = async () => {
   if (!about.image) {
-    of("image-note").textContent = "the pipeline has no image of a face";
+    note = "the pipeline has no image of a face";
+    drawAll();
     return;
   }
   let shown = null;
@@ -122,10 +139,12 @@ const followImages = async () => {
         if (head.final) shown = t;
         else if (!about.follows) await pause(300);
       } else if (response.status !== 204) {
-        of("image-note").textContent = await response.text();
+        note = await response.text();
+        drawAll();
         await pause(1000);
       } else {
-        if (!about.follows) of("image-note").textContent = `no image yet, ${about.images}`;
+        if (!about.follows) note = `no image yet, ${about.images}`;
+        drawAll();
         await pause(about.follows ? 20 : 500);
       }
     } catch {
@@ -138,7 +157,8 @@ let asked = 0;
 let sought = null;
 // The figures and the graph of a time of a session; of a run, of now.
 const seek = () => {
-  draw();
+  charted = -Infinity;
+  drawAll();
   if (about.follows) return;
   clearTimeout(sought);
   sought = setTimeout(async () => {
@@ -162,7 +182,7 @@ const take = state => {
   const of_what = about.of.session ? `session ${about.of.session}` : `run ${about.of.run}`;
   of("about").textContent = `${of_what}, figures over ${number(state.seconds, 1)} s${isOver ? ", the run has ended" : ""}`;
   if (about.follows && drawn++ % 4 === 0) of("graph").src = `graph.svg?n=${drawn}`;
-  draw();
+  drawAll();
 };
 
 const begin = async () => {
@@ -170,13 +190,13 @@ const begin = async () => {
   const spans = about.follows ? SPANS : [["all", Infinity], ...SPANS.slice(0, 3)];
   of("span").replaceChildren(...spans.map(([text, value]) => new Option(text, value)));
   if (about.follows) of("span").value = "60";
-  of("span").addEventListener("change", draw);
+  of("span").addEventListener("change", drawAll);
   of("time").addEventListener("input", () => choose(Number(of("time").value)));
   of("follow").textContent = about.follows ? "follow" : "whole";
   of("follow").addEventListener("click", () => choose(null));
   of("timeline").addEventListener("pointerdown", event => choose(timeAt(of("timeline"), event.offsetX, range())));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  window.addEventListener("resize", draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  watchSizes([of("channels"), of("timeline"), of("head")], drawAll);
   listen(of("head"), draw);
   offer(about);
   const events = new EventSource("events");
@@ -186,13 +206,13 @@ const begin = async () => {
   events.addEventListener("rows", message => {
     rows.push(...JSON.parse(message.data));
     if (about.follows && rows.length > MOST) rows.splice(0, rows.length - MOST);
-    draw();
+    drawAll();
   });
   events.addEventListener("end", () => {
     events.close();
     isOver = about.follows;
     if (!of("about").textContent.includes("ended")) of("about").textContent += ", the run has ended";
-    draw();
+    drawAll();
   });
   events.onerror = () => { if (!isOver) of("about").textContent = "no connection"; };
   followImages();
