@@ -22,6 +22,10 @@ const PAINTED: &str = "(id => { const c = document.getElementById(id);
   const d = new Uint32Array(c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer);
   return d.some(p => p !== d[0]); })";
 
+/// Whether the pieces of the reference are counted beside the image.
+const PIECES: &str = "/; of [1-9]\\d* pieces \\d+ move with the rest, \\d+ by themselves/
+  .test(document.querySelector('#image-note').textContent)";
+
 #[test]
 fn a_page_in_a_browser_follows_a_run_and_sends_commands_with_a_token_alone() {
     let bench = Bench::new();
@@ -63,6 +67,7 @@ fn a_page_in_a_browser_follows_a_run_and_sends_commands_with_a_token_alone() {
     browser.wait_until("document.querySelector('#channels').dataset.channels === 'x y z pitch roll yaw'");
     browser.wait_until("Number(document.querySelector('#head').dataset.points) > 200");
     browser.wait_until("document.querySelector('#tracker').textContent.includes('tracked')");
+    browser.wait_until(PIECES);
     browser.show_on((390, 844), "dark");
     browser.wait_until(&format!("{PAINTED}('channels') && document.documentElement.scrollWidth <= 390"));
     let background = browser.evaluate("getComputedStyle(document.body).backgroundColor");
@@ -92,6 +97,7 @@ fn a_page_in_a_browser_scrubs_through_a_session_and_computes_its_images() {
     browser.wait_until(
         "document.querySelector('#image-note').textContent.includes(' face, computed by a replay')",
     );
+    browser.wait_until(PIECES);
     browser.wait_until(&format!("{PAINTED}('image') && {PAINTED}('channels') && {PAINTED}('timeline')"));
     assert_eq!(browser.evaluate("document.querySelector('#beam').textContent"), "beam on");
     assert_eq!(browser.evaluate("document.querySelector('#valves').textContent"), "valves armed");

@@ -48,6 +48,7 @@ mod pose_report;
 mod rejection;
 mod rig_state;
 mod setting;
+mod surface_pieces;
 mod target;
 mod track;
 
@@ -82,6 +83,7 @@ pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
 pub use setting::{Setting, SettingAnswer, SettingAnswerElement, SettingElement, filled};
 pub use stillpoint_derive::{Codes, Layout};
+pub use surface_pieces::{PieceState, SurfacePiece, SurfacePieces, SurfacePiecesShape};
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
 
@@ -144,6 +146,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         RigState::KIND,
         Setting::KIND,
         SettingAnswer::KIND,
+        SurfacePieces::KIND,
         Target::KIND,
         Track::KIND,
     ]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
-use stillpoint_report::proposal::{PictureError, picture};
+use stillpoint_report::proposal::{PictureError, image, picture};
 use stillpoint_samples::{
     AlignedBytes, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection, Sample,
     SampleKind, Verb,
@@ -257,10 +257,10 @@ impl Proposal {
         origin: u64,
     ) -> Result<Option<PathBuf>, ProposalError> {
         let Some(shown) = &self.shown else { return Ok(None) };
-        let (Some(image), Some(face)) = (of(&shown.images, origin), of(&shown.faces, origin)) else {
+        let (Some(bytes), Some(face)) = (of(&shown.images, origin), of(&shown.faces, origin)) else {
             return Err(ProposalError::Passed);
         };
-        let png = picture(shown.image.1, image, face, shown.image_from_face.as_ref())?;
+        let png = picture(image(shown.image.1, bytes)?, face, shown.image_from_face.as_ref())?;
         let tracker = self.topic().split('.').next().unwrap_or_default();
         let path =
             self.side_by_side.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));

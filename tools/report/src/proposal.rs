@@ -20,43 +20,42 @@ pub enum PictureError {
     Png(#[from] png::EncodingError),
 }
 
-/// A PNG file of an image (a sample of a depth image or of an organised cloud) with a face (a sample of a cloud) and its
-/// outline. `image_from_face` leads from the face's frame to that of the image where they differ.
+/// The image of a sample of a depth image or of an organised cloud.
 ///
 /// # Errors
-/// A sample is none of its kind, or the image cannot be drawn.
-pub fn picture(
-    kind: &SampleKind,
-    image: &[u8],
-    face: &[u8],
-    image_from_face: Option<&Rigid>,
-) -> Result<Vec<u8>, PictureError> {
-    Ok(pixels(kind, image, Some(face), image_from_face)?.png()?)
+/// The sample is none of its kind, or no image.
+pub fn image(kind: &SampleKind, bytes: &[u8]) -> Result<Image, PictureError> {
+    let image = if *kind == *DepthImage::KIND { Image::of_depth(bytes) } else { Image::of_cloud(bytes) };
+    image.map_err(PictureError::Image)
+}
+
+/// A PNG file of an image with a face (a sample of a cloud) and its outline. `image_from_face` leads from the face's frame
+/// to that of the image where they differ.
+///
+/// # Errors
+/// The face is no cloud, or the file cannot be written.
+pub fn picture(image: Image, face: &[u8], image_from_face: Option<&Rigid>) -> Result<Vec<u8>, PictureError> {
+    Ok(pixels(image, Some(face), image_from_face)?.png()?)
 }
 
 /// The same as pixels; without a face, of the image alone.
 ///
 /// # Errors
-/// A sample is none of its kind, or the image cannot be drawn.
+/// The face is no cloud.
 pub fn pixels(
-    kind: &SampleKind,
-    image: &[u8],
+    image: Image,
     face: Option<&[u8]>,
     image_from_face: Option<&Rigid>,
 ) -> Result<Indexed, PictureError> {
-    let place = |p: [f32; 3]| match image_from_face {
-        Some(t) => t.apply(p.map(f64::from)).map(|c| c as f32),
-        None => p,
-    };
     let mut points = Vec::new();
     if let Some(face) = face {
         let view = Pieces::split(PointCloud::KIND, face).and_then(|p| p.view::<PointCloud>());
-        points.extend(view.map_err(PictureError::Face)?.elements.iter().map(|p| place(p.xyz)));
+        let view = view.map_err(PictureError::Face)?;
+        points.extend(view.elements.iter().map(|p| in_image(p.xyz, image_from_face)));
     }
-    let image = if *kind == *DepthImage::KIND { Image::of_depth(image) } else { Image::of_cloud(image) };
     Ok(paint(&PictureView {
         origin: 0,
-        image: image.map_err(PictureError::Image)?,
+        image,
         face: points,
         plane: None,
         hull: Vec::new(),
@@ -64,4 +63,12 @@ pub fn pixels(
         rejection: None,
         captured: face.map(|_| 1),
     }))
+}
+
+/// A point of the face's frame in that of the image.
+pub fn in_image(point: [f32; 3], image_from_face: Option<&Rigid>) -> [f32; 3] {
+    match image_from_face {
+        Some(t) => t.apply(point.map(f64::from)).map(|c| c as f32),
+        None => point,
+    }
 }

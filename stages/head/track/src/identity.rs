@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Vector3};
 use stillpoint_samples::{IdentityPart, Proof};
 
-use crate::align::{Agreement, Alignment, PartAxes, Pieces, Verdict, agreement};
+use crate::align::{Agreement, Alignment, PartAxes, Pieces, Told, Verdict, agreement};
 use crate::surface::Surface;
 
 /// A part of the confidence at its limit. Below it the frame has no pose.
@@ -279,6 +279,11 @@ impl Identity {
             self.proof = Proof::Failed;
             self.pieces.settle();
         }
+    }
+
+    /// The middle of each piece of the reference, m, and what is known of it.
+    pub fn pieces(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Told)> {
+        self.pieces.told()
     }
 
     /// Whether the parts were seen to move together.

@@ -110,9 +110,14 @@ struct Taps {
 struct Images {
     image: Tap,
     face: Option<Tap>,
-    images: VecDeque<(u64, AlignedBytes)>,
-    faces: VecDeque<(u64, AlignedBytes)>,
+    piece: Option<Tap>,
+    images: Retained,
+    faces: Retained,
+    pieces: Retained,
 }
+
+/// Samples with their origin.
+type Retained = VecDeque<(u64, AlignedBytes)>;
 
 impl Taps {
     fn open(attached: &Attached, scene: &Scene) -> Result<Self, Failure> {
@@ -122,8 +127,10 @@ impl Taps {
             Ok::<_, Failure>(Images {
                 image: open(camera.image)?,
                 face: camera.face.map(open).transpose()?,
+                piece: camera.pieces.map(open).transpose()?,
                 images: VecDeque::new(),
                 faces: VecDeque::new(),
+                pieces: VecDeque::new(),
             })
         };
         Ok(Self {
@@ -142,29 +149,41 @@ impl Taps {
     }
 
     fn look_at_images(&mut self, served: &Served) {
-        let Some(Images { image, face, images, faces }) = &mut self.images else { return };
-        let take = |tap: &Tap, retained: &mut VecDeque<(u64, AlignedBytes)>| {
-            while let Ok(Some(sample)) = tap.next() {
-                let pieces = sample.pieces();
-                if retained.len() == RETAINED {
-                    retained.pop_front();
-                }
-                retained
-                    .push_back((pieces.header().origin, AlignedBytes::joined(pieces.meta, pieces.payload)));
-            }
-        };
+        let Some(Images { image, face, piece, images, faces, pieces }) = &mut self.images else { return };
         take(image, images);
         if let Some(face) = face {
             take(face, faces);
         }
+        if let Some(piece) = piece {
+            take(piece, pieces);
+        }
         let newest = images.back().map_or(0, |(origin, _)| *origin);
-        let with_face = images.iter().rposition(|(at, _)| faces.iter().any(|(origin, _)| origin == at));
+        // The pieces come after the face, and not from every frame: a later face says that none come.
+        let is_whole = |at: &u64| {
+            let is_followed = faces.back().is_some_and(|(last, _)| last > at);
+            pieces.is_empty() || is_followed || pieces.iter().any(|(origin, _)| origin == at)
+        };
+        let with_face =
+            images.iter().rposition(|(at, _)| faces.iter().any(|(origin, _)| origin == at) && is_whole(at));
         // An image without a face is shown when its face would have come.
         let late = images.iter().rposition(|(at, _)| face.is_none() || at + FACE_PATIENCE < newest);
         let Some(chosen) = with_face.max(late) else { return };
         let Some((origin, image)) = images.drain(..=chosen).next_back() else { return };
-        let at = faces.iter().position(|(of, _)| *of == origin);
-        let face = at.and_then(|at| faces.drain(..=at).next_back()).map(|(_, bytes)| bytes);
-        served.show(Picture { origin, image, face });
+        let [face, pieces] = [faces, pieces].map(|retained| {
+            let at = retained.iter().position(|(of, _)| *of == origin);
+            Some(retained[at?].1.clone())
+        });
+        served.show(Picture { origin, image, face, pieces });
+    }
+}
+
+/// Retains what has come.
+fn take(tap: &Tap, retained: &mut Retained) {
+    while let Ok(Some(sample)) = tap.next() {
+        let pieces = sample.pieces();
+        if retained.len() == RETAINED {
+            retained.pop_front();
+        }
+        retained.push_back((pieces.header().origin, AlignedBytes::joined(pieces.meta, pieces.payload)));
     }
 }

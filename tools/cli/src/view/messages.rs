@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 use stillpoint_pipeline::live::log::{Level as Grave, LogLine};
 use stillpoint_pose::{PoseNumbers, orientation};
-use stillpoint_report::Indexed;
 use stillpoint_samples::{ActuationReason, ActuationState, GateReason, PoseStatus, Proof};
 use stillpoint_viewer::{Level, Place, Shown, Topic};
 
+use super::picture::Drawn;
 use super::rows::Row;
 
 /// The frame of the head, which the estimate places.
@@ -64,7 +64,7 @@ impl Frames {
     }
 
     /// An image with its face, and the points of the face if there are any, with their bytes.
-    pub fn picture(&self, time: u64, (image, points): (Indexed, Vec<f32>)) -> Vec<(Shown, Vec<u8>)> {
+    pub fn picture(&self, time: u64, Drawn { image, points, .. }: Drawn) -> Vec<(Shown, Vec<u8>)> {
         let (width, height) = (image.width as u32, image.height as u32);
         let shown = Shown::Image { time, frame: self.camera.clone(), width, height };
         let black = [0; 3];

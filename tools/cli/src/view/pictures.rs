@@ -33,10 +33,15 @@ pub struct Pictures {
     files: SessionFiles,
     image: Port,
     face: Option<Port>,
+    /// The pieces of the reference, where they have to be computed.
+    piece: Option<Port>,
     image_topic: Option<usize>,
     face_topic: Option<usize>,
+    pieces_topic: Option<usize>,
     images: Sent,
     faces: Sent,
+    /// The pieces of the reference that are recorded.
+    pieces: Sent,
     /// Whether the session lacks images or faces.
     needs_replay: bool,
     has_begun: AtomicBool,
@@ -56,6 +61,7 @@ impl Pictures {
         let number = |port: Port| session.topic_number(&name(ran, port));
         let sent = |port: Port| sent(session, &ran.operators[port.0].name, port.1);
         let (image_topic, face_topic) = (number(camera.image), camera.face.and_then(number));
+        let pieces_topic = camera.pieces.and_then(number);
         Self {
             session: session.clone(),
             graph: Arc::new(graph.clone()),
@@ -64,6 +70,9 @@ impl Pictures {
             face: camera.face,
             image_topic,
             face_topic,
+            piece: camera.pieces.filter(|_| pieces_topic.is_none()),
+            pieces_topic,
+            pieces: camera.pieces.map(sent).unwrap_or_default(),
             images: sent(camera.image),
             faces: camera.face.map(sent).unwrap_or_default(),
             needs_replay: image_topic.is_none() || (camera.face.is_some() && face_topic.is_none()),
@@ -94,15 +103,24 @@ impl Pictures {
             }
             let computed = self.lock();
             let picture = computed.range(..=time).next_back().map(|(_, picture)| picture.clone())?;
+            let recorded = self.pieces_of(picture.origin);
+            let picture = Picture { pieces: recorded.or(picture.pieces), ..picture };
             let is_past = computed.range(time + 1..).next().is_some();
             return Some((picture, is_past || self.has_ended.load(Ordering::Relaxed)));
         }
         let (origin, place) = self.images.range(..=time).next_back()?;
-        let sample = |topic: Option<usize>, (incarnation, sequence): (u32, u64)| {
-            Some(self.session.sample(topic?, incarnation, sequence).ok()??.sample)
-        };
-        let face = self.faces.get(origin).and_then(|place| sample(self.face_topic, *place));
-        Some((Picture { origin: *origin, image: sample(self.image_topic, *place)?, face }, true))
+        let face = self.faces.get(origin).and_then(|place| self.sample(self.face_topic, *place));
+        let (image, pieces) = (self.sample(self.image_topic, *place)?, self.pieces_of(*origin));
+        Some((Picture { origin: *origin, image, face, pieces }, true))
+    }
+
+    /// The pieces that were sent of the image of an origin.
+    fn pieces_of(&self, origin: u64) -> Option<AlignedBytes> {
+        self.sample(self.pieces_topic, *self.pieces.get(&origin)?)
+    }
+
+    fn sample(&self, topic: Option<usize>, (incarnation, sequence): (u32, u64)) -> Option<AlignedBytes> {
+        Some(self.session.sample(topic?, incarnation, sequence).ok()??.sample)
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Picture>> {
@@ -110,8 +128,8 @@ impl Pictures {
     }
 
     fn compute(&self) {
-        let Some((face, _)) = self.face else { return };
-        let selection = Selection::Only(self.graph.operators[face].name.clone());
+        let Some((last, _)) = self.piece.or(self.face) else { return };
+        let selection = Selection::Only(self.graph.operators[last].name.clone());
         let _aside = StdoutRedirect::to_stderr();
         let mut collector = Collector { of: self, images: VecDeque::new(), seen: 0 };
         if let Err(error) = replay(&self.session, &self.graph, &self.files, &selection, &mut collector) {
@@ -173,15 +191,19 @@ impl Observer for Collector<'_> {
             }
             self.images.push_back((origin, image));
         }
+        if let Some((_, port)) = self.of.piece.filter(|(number, _)| *number == operator)
+            && let Some(picture) = self.of.lock().get_mut(&origin)
+        {
+            picture.pieces = output(port);
+        }
         let Some((_, port)) = self.of.face.filter(|(number, _)| *number == operator) else { return Ok(()) };
         let computed = self.images.iter().find(|(of, _)| *of == origin).map(|(_, image)| image.clone());
         let recorded = || {
-            let (incarnation, sequence) = self.of.images.get(&origin)?;
-            let sample = self.of.session.sample(self.of.image_topic?, *incarnation, *sequence).ok()??;
-            Some(sample.sample)
+            let place = self.of.images.get(&origin)?;
+            self.of.sample(self.of.image_topic, *place)
         };
         if let Some(image) = computed.or_else(recorded) {
-            self.retain(Picture { origin, image, face: output(port) });
+            self.retain(Picture { origin, image, face: output(port), pieces: None });
         }
         Ok(())
     }

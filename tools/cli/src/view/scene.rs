@@ -6,7 +6,7 @@ use stillpoint_pipeline::console::KIND_NAME;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_samples::{
     Actuation, ActuationReason, ActuationState, Gate, GateReason, PointCloud, PoseReport, PoseStatus, Proof,
-    Sample, SampleKind, Target, Track, Verb,
+    Sample, SampleKind, SurfacePieces, Target, Track, Verb,
 };
 
 use stillpoint_pose::{of_frame, orientation};
@@ -43,6 +43,8 @@ pub struct Camera {
     pub kind: &'static SampleKind,
     /// The faces.
     pub face: Option<Port>,
+    /// The pieces of the reference, if the tracker sends them.
+    pub pieces: Option<Port>,
     /// From the face's frame to that of the image, where they differ.
     pub image_from_face: Option<Rigid>,
     /// From the face's frame to that of the estimate, if it is known.
@@ -66,10 +68,7 @@ impl Scene {
     /// What a pipeline has to show.
     pub fn of(graph: &Graph) -> Self {
         let first = |kind: &'static SampleKind| {
-            graph.operators.iter().enumerate().find_map(|(number, node)| {
-                let output = node.stage.kind.outputs.iter().position(|o| *o.sample == *kind)?;
-                Some((number, output))
-            })
+            (0..graph.operators.len()).find_map(|number| output_of(graph, number, kind))
         };
         let target = first(Target::KIND);
         let aimed = target.and_then(|(operator, _)| input_of(graph, operator, Track::KIND));
@@ -122,6 +121,12 @@ pub fn name(graph: &Graph, (operator, output): Port) -> String {
     graph.operators[operator].outputs[output].topic.clone()
 }
 
+/// The first output of an operator that sends this kind.
+fn output_of(graph: &Graph, operator: usize, kind: &'static SampleKind) -> Option<Port> {
+    let outputs = graph.operators[operator].stage.kind.outputs;
+    Some((operator, outputs.iter().position(|o| *o.sample == *kind)?))
+}
+
 /// The frame of a topic.
 fn frame(graph: &Graph, (operator, output): Port) -> Option<String> {
     graph.operators[operator].outputs[output].frame.clone()
@@ -141,6 +146,7 @@ fn camera(graph: &Graph, tracker: Option<Port>, couch: Option<&str>) -> Option<C
         frame: frame(image),
         kind,
         face: Some(face),
+        pieces: tracker.and_then(|(operator, _)| output_of(graph, operator, SurfacePieces::KIND)),
         image_from_face,
         couch_from_face: to_couch(face),
         couch_from_image: to_couch(image),

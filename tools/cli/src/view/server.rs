@@ -16,13 +16,14 @@ use super::served::Served;
 use crate::exit::Failure;
 
 /// What a browser loads: path, type, text.
-const FILES: [(&str, &str, &str); 7] = [
+const FILES: [(&str, &str, &str); 8] = [
     ("/", "text/html; charset=utf-8", include_str!("page/page.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("page/page.css")),
     ("/page.js", SCRIPT, include_str!("page/page.js")),
     ("/tables.js", SCRIPT, include_str!("page/tables.js")),
     ("/charts.js", SCRIPT, include_str!("page/charts.js")),
     ("/head.js", SCRIPT, include_str!("page/head.js")),
+    ("/pieces.js", SCRIPT, include_str!("page/pieces.js")),
     ("/commands.js", SCRIPT, include_str!("page/commands.js")),
 ];
 const SCRIPT: &str = "text/javascript; charset=utf-8";

@@ -147,6 +147,21 @@ struct Piece {
     /// Nearly all of it lies on a face: it may be a brow that rises.
     is_face: bool,
     together: Together,
+    /// What the last frame and those before it tell.
+    told: Told,
+}
+
+/// What a frame, and those before it, tell of a piece.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Told {
+    /// Whether enough points of the frame lie on it.
+    pub is_seen: bool,
+    /// Whether it was seen to move as the rest does.
+    pub verdict: Verdict,
+    /// How far it has moved against the rest since the first frames, m, along the axes of the surface.
+    pub moved: Vector3<f64>,
+    /// The larger of its movements, that of the frame and the mean one, over its limit.
+    pub over: f64,
 }
 
 impl Piece {
@@ -237,7 +252,8 @@ impl Pieces {
             let (face, all) = on.fold((0.0, 0.0), |(a, b), (face, all)| (a + face, b + all));
             let is_face = face > ON_FACE * all;
             let (jitter, together) = (Jitter::default(), Together::default());
-            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together }
+            let told = Told::default();
+            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together, told }
         };
         let pieces = middles.iter().map(about).collect();
         Self {
@@ -253,6 +269,11 @@ impl Pieces {
             first: None,
             is_open: true,
         }
+    }
+
+    /// The middle of each piece on the surface, m, and what is known of it.
+    pub fn told(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Told)> {
+        self.pieces.iter().map(|piece| (piece.middle, piece.told))
     }
 
     /// Notes that the question whether the pieces move together is settled: their movements are compared no more.
@@ -308,6 +329,7 @@ impl Pieces {
         let (mut most, mut skin, mut lasting): (f64, f64, f64) = (0.0, 0.0, 0.0);
         let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
         for piece in pieces.iter_mut() {
+            piece.told.is_seen = false;
             let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
             let rest = whole.without(&own);
             if own.points < POINTS_LEAST || rest.points < 3 * POINTS_LEAST {
@@ -316,12 +338,14 @@ impl Pieces {
             let Some(rest) = rest.fit() else { continue };
             let Some(off) = own.off(&rest) else { continue };
             let (along, points) = (own.along(), f64::from(own.points));
+            piece.told.is_seen = true;
             if *is_open && !face {
                 let (rest_off, covariance) = rest.at(&piece.middle, *length);
                 let moved = moved(&piece.middle) + rest_off;
                 piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
                 all += points;
-                match piece.together.verdict(noise) {
+                piece.told.verdict = piece.together.verdict(noise);
+                match piece.told.verdict {
                     Verdict::Open => {}
                     Verdict::With => with += points,
                     Verdict::Against => against += points,
@@ -341,8 +365,11 @@ impl Pieces {
             };
             let is_raised = piece.is_face && part(&(off - piece.start), ONCE) > 1.0;
             let Some(movements) = piece.add(&off, face, is_raised) else { continue };
+            piece.told.moved = movements[0];
+            piece.told.over = 0.0;
             for (kind, (movement, limits)) in movements.iter().zip([ONCE, LASTING]).enumerate() {
                 let part = part(movement, limits);
+                piece.told.over = piece.told.over.max(part);
                 if piece.is_face {
                     skin = skin.max(part);
                 } else {

@@ -2,10 +2,12 @@
 //!
 //! - `params`: what the config may say
 //! - `operator`: ports and steps
+//! - `pieces`: the pieces of the reference in each frame
 //! - `report`: the report on each frame
 
 mod operator;
 mod params;
+mod pieces;
 mod report;
 
 pub use operator::TrackHead;

@@ -6,13 +6,13 @@ use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupErr
 use stillpoint_patient::outline::read_surface;
 use stillpoint_samples::{
     CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
-    PoseStatus, Proof, Rejection, Sample, Verb,
+    PoseStatus, Proof, Rejection, Sample, SurfacePieces, Verb,
 };
 
 use super::params::{
     CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams, SoftTissue,
 };
-use super::report;
+use super::{pieces, report};
 use crate::capture::{Asking, Capture, CaptureError, Offer};
 use crate::identity::{ENOUGH, Identity, Needed, SeenFrame};
 use crate::output_frame::output_from_face;
@@ -32,6 +32,7 @@ const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
 const REPORT: usize = 3;
+const PIECES: usize = 4;
 /// A head that is not cut out is followed where it is expected, for at most so long after it was cut out, ns.
 const FOLLOWED: u64 = 10_000_000_000;
 /// Part of the overlap that a pose needs otherwise, where an arm may hide the rest: the beam is off.
@@ -176,6 +177,12 @@ impl Operator for TrackHead {
                 frame: FrameRule::KeyOr("face"),
                 about: "For each frame: how the pose was found or why there is none, its fit, and the directions that the surface constrains.",
             },
+            Output {
+                name: "pieces",
+                sample: SurfacePieces::KIND,
+                frame: FrameRule::SameAs("face"),
+                about: "For each frame that was found on the reference: where its pieces are, and whether each still moves with the rest.",
+            },
         ],
         timer: Timer::No,
     };
@@ -256,7 +263,7 @@ impl Operator for TrackHead {
     }
 
     fn capacities(params: &HeadParams) -> Vec<usize> {
-        vec![1, 1, params.max_points as usize, 1]
+        vec![1, 1, params.max_points as usize, 1, pieces::MOST]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -343,6 +350,7 @@ impl Operator for TrackHead {
             }
             _ => report,
         };
+        self.send_pieces(&found, outputs)?;
         let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
             self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference)
         });
@@ -469,9 +477,15 @@ impl TrackHead {
         if let Some(pose) = pose {
             outputs.send::<Pose>(POSE, pose)?;
         }
+        self.send_pieces(&found, outputs)?;
         let (status, reference) = (PoseStatus::Followed as u32, self.capture.number());
         let report = PoseReportElement { status, reference, ..self.standing(found.report) };
         outputs.send::<PoseReport>(REPORT, &report)
+    }
+
+    fn send_pieces(&self, found: &Found, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (Some((_, identity)), Ok(tracked)) = (&self.identity, &found.tracked) else { return Ok(()) };
+        pieces::send(PIECES, identity, &tracked.alignment.surface_from_cloud.inverse(), outputs)
     }
 
     /// What the points in `cloud` tell of the head that was tracked in them.

@@ -5,7 +5,7 @@ use stillpoint_operator::files::MemoryFiles;
 use stillpoint_operator::{Registry, Stage};
 use stillpoint_samples::{
     CloudShape, Command, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
-    PoseStatus, Rejection, RejectionElement, Verb,
+    PoseStatus, Rejection, RejectionElement, SurfacePiece, SurfacePieces, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -48,12 +48,13 @@ fn a_tracker_has_the_operators_defaults() {
     assert_eq!(params.tracking(), TrackParams::default());
 }
 
-/// What one frame left: pose, three points, reference, report.
+/// What one frame left: pose, three points, reference, report, pieces.
 pub struct Said {
     pub pose: Option<PoseElement>,
     three_points: Option<PoseElement>,
     reference: Option<Vec<[f32; 3]>>,
     pub report: PoseReportElement,
+    pub pieces: Vec<SurfacePiece>,
     bytes: Vec<u8>,
 }
 
@@ -72,6 +73,8 @@ impl Said {
             three_points: pose(1),
             reference: cloud.map(|c: Vec<Point>| c.iter().map(|p| p.xyz).collect()),
             report: *on(3).unwrap().pieces().view::<PoseReport>().unwrap().first().unwrap(),
+            pieces: on(4)
+                .map_or_else(Vec::new, |p| p.pieces().view::<SurfacePieces>().unwrap().elements.to_vec()),
             bytes: left.bytes(),
         }
     }

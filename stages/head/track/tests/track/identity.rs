@@ -5,7 +5,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use stillpoint_rig::head::Head;
 use stillpoint_rig::ray::{self, Ray};
 use stillpoint_rig::shape::Ellipsoid;
-use stillpoint_samples::{IdentityPart, PoseReportElement, PoseStatus, Proof, Verb};
+use stillpoint_samples::{
+    IdentityPart, PieceState, PoseReportElement, PoseStatus, Proof, SurfacePiece, Verb,
+};
 use stillpoint_testing::Bench;
 
 use crate::head::{bench, command, confirm, feed, moved};
@@ -134,6 +136,56 @@ fn a_fist_that_stays_while_the_head_nods_is_found_within_a_degree() {
     let found = nod_under_a_fist(1.5, true);
     assert!(found.is_some_and(|angle| angle <= 1.0), "{found:?}");
     assert_eq!(nod_under_a_fist(3.0, false), None);
+}
+
+/// Distance of the middle of a piece from a place, m.
+fn distance(piece: &SurfacePiece, place: &Point3<f64>) -> f64 {
+    (Point3::from(piece.xyz.map(f64::from)) - place).norm()
+}
+
+#[test]
+fn the_pieces_of_a_head_lie_on_it_where_it_is_and_none_moves_by_itself() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    for k in 1..8 {
+        let k = f64::from(k);
+        let cloud = head(&moved([0.0, 0.0, 1e-3 * k], [0.01 * k, 0.0, 0.005 * k]));
+        let pieces = feed(&mut bench, &cloud).pieces;
+        let seen = pieces.iter().filter(|piece| piece.state != PieceState::Unseen as u32);
+        assert!(pieces.len() > 30 && 2 * seen.count() > pieces.len());
+        assert!(pieces.iter().all(|piece| piece.over < 1.0 && piece.state != PieceState::Against as u32));
+        for piece in pieces {
+            let nearest =
+                cloud.iter().map(|p| distance(&piece, &Point3::from(*p))).fold(f64::INFINITY, f64::min);
+            // The mean of a cell of a curved surface lies a little inside.
+            assert!(nearest < 8e-3, "{piece:?} is {nearest} m from the head");
+        }
+    }
+}
+
+#[test]
+fn the_pieces_that_move_by_themselves_are_those_of_the_fist() {
+    let mut bench = bench(str::to_owned);
+    let fist = Point3::new(0.0, -0.075, 0.085);
+    for _ in 0..6 {
+        feed(&mut bench, &with_fist(&camera_from_body(), Vector3::zeros()));
+    }
+    let at_rest = camera_from_body() * fist;
+    let nod = |step: u32| {
+        let camera_from_head = moved([0.0; 3], [(0.1 * f64::from(step)).to_radians(), 0.0, 0.0]);
+        let shift = camera_from_head.inverse() * at_rest - fist;
+        feed(&mut bench, &with_fist(&camera_from_head, shift))
+    };
+    let mut frames = (1..=10).map(nod);
+    let pieces = frames.find(|frame| frame.status() == PoseStatus::Doubted).unwrap().pieces;
+    let (apart, others): (Vec<_>, Vec<_>) = pieces.iter().partition(|piece| piece.over > 1.0);
+    // A piece of 35 mm that reaches over the fist holds some of it.
+    assert!(
+        !apart.is_empty() && apart.iter().all(|piece| distance(piece, &at_rest) < 0.05 + 0.04),
+        "{apart:?}"
+    );
+    let far = others.iter().filter(|piece| distance(piece, &at_rest) > 0.1).count();
+    assert!(far > 20 && apart.iter().any(|piece| distance(piece, &at_rest) < 0.06), "{far}");
 }
 
 #[test]

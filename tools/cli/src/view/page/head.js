@@ -1,6 +1,7 @@
 // The head in the couch's frame, seen from a place that the pointer chooses: the points of the face, the same points where
-// the target has them, the axes of estimate and target, the camera, and the couch.
+// the target has them, the pieces of the reference, the axes of estimate and target, the camera, and the couch.
 import { colours, fitted } from "./charts.js";
+import { colourOf } from "./pieces.js";
 
 const LENGTH = 0.06;
 let [turn, tilt] = [-0.6, 0.5];
@@ -42,7 +43,7 @@ const pose = (six, other) => {
   return all.includes(null) ? null : { at: all.slice(0, 3), m: rotation(all.slice(3)) };
 };
 
-export const drawHead = (canvas, row, points, camera) => {
+export const drawHead = (canvas, row, points, pieces, camera) => {
   const [context, w, h] = fitted(canvas);
   const c = colours();
   const estimate = row && pose(row.estimate);
@@ -88,6 +89,11 @@ export const drawHead = (canvas, row, points, camera) => {
   } else {
     if (estimate) wire(draw, estimate, c.ink);
     if (target) wire(draw, target, c.warm);
+  }
+  for (const piece of pieces.filter(([, place]) => place)) {
+    const [x, y] = seen(piece[1]);
+    context.fillStyle = colourOf(piece);
+    context.fillRect(x - 1.5, y - 1.5, 3, 3);
   }
   if (target) axes(target, 1.5, [5, 4]);
   if (estimate) axes(estimate, 3, []);

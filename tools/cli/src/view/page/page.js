@@ -3,6 +3,7 @@
 import { drawChannels, drawTimeline, rowAt, timeAt, watchSizes } from "./charts.js";
 import { offer } from "./commands.js";
 import { drawHead, listen } from "./head.js";
+import { countedPieces, markPieces } from "./pieces.js";
 import { number, of, show } from "./tables.js";
 
 const MOST = 6000;
@@ -13,6 +14,8 @@ let log = [];
 // The time that is shown, s; none: the newest.
 let chosen = null;
 let points = new Float32Array(0);
+// The pieces of the reference: [column, row], [x, y, z] or null, movement over its limit, state.
+let pieces = [];
 let image = 0;
 let images = [];
 let note = "";
@@ -40,7 +43,7 @@ const draw = () => {
   requestAnimationFrame(() => {
     isDirty = false;
     const row = rows[rowAt(rows, now())] ?? rows[0];
-    drawHead(of("head"), row, points, about.camera);
+    drawHead(of("head"), row, points, pieces, about.camera);
     if (!areChartsOld) return;
     [areChartsOld, charted] = [false, performance.now()];
     drawChannels(of("channels"), rows, range(), now());
@@ -108,11 +111,13 @@ const paint = buffer => {
   context.putImageData(shown, 0, 0);
   const begin = 4 + length + palette.length + count;
   points = new Float32Array(buffer.slice(begin, begin + 12 * head.points));
+  pieces = head.pieces;
+  markPieces(context, pieces);
   image = head.number;
   const at = performance.now();
   images = [...images.filter(time => at - time < 2000), at];
   const rate = about.follows ? `${number(images.length / 2, 0)} images a second` : about.images;
-  note = `${number(head.t, 2)} s, ${head.face ? "face" : "no face"}, ${rate}`;
+  note = `${number(head.t, 2)} s, ${head.face ? "face" : "no face"}, ${rate}${countedPieces(pieces)}`;
   canvas.dataset.images = Number(canvas.dataset.images ?? 0) + 1;
   if (about.follows) draw(); else drawAll();
   return head;
