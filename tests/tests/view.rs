@@ -23,7 +23,7 @@ const PAINTED: &str = "(id => { const c = document.getElementById(id);
   return d.some(p => p !== d[0]); })";
 
 /// Whether the pieces of the reference are counted beside the image.
-const PIECES: &str = "/; of [1-9]\\d* pieces \\d+ move with the rest, \\d+ by themselves/
+const PIECES: &str = "/; of [1-9]\\d* pieces \\d+ move along, \\d+ apart/
   .test(document.querySelector('#image-note').textContent)";
 
 #[test]

@@ -117,30 +117,11 @@ impl Image {
         (z > 0.0).then(|| [along(x, 0), along(y, 1), z])
     }
 
-    /// Depths, each the mean of those about it that lie on its surface: the noise of a relief goes with it.
+    /// Depths, each the mean of those about it that lie on its surface, along its row and then along its column: the noise
+    /// of a relief goes with it.
     fn smoothed(&self) -> Vec<f32> {
-        const REACH: usize = 2;
-        let mut smooth = vec![0.0; self.depth.len()];
-        for y in 0..self.height {
-            for x in 0..self.width {
-                let own = self.depth[x + self.width * y];
-                if own <= 0.0 {
-                    continue;
-                }
-                let (mut sum, mut count) = (0.0, 0.0);
-                for v in y.saturating_sub(REACH)..=(y + REACH).min(self.height - 1) {
-                    let row = &self.depth[self.width * v..self.width * (v + 1)];
-                    for z in &row[x.saturating_sub(REACH)..=(x + REACH).min(self.width - 1)] {
-                        if *z > 0.0 && (z - own).abs() < SURFACE {
-                            sum += z;
-                            count += 1.0;
-                        }
-                    }
-                }
-                smooth[x + self.width * y] = sum / count;
-            }
-        }
-        smooth
+        let along_rows = smoothed_along(&self.depth, self.width, 1);
+        smoothed_along(&along_rows, self.height, self.width)
     }
 
     /// The shade of each pixel, lit from the upper left; 0 where there is no depth.
@@ -172,6 +153,26 @@ impl Image {
         }
         shades
     }
+}
+
+/// Depths, each the mean of those on its surface among the two before and after it on a line of `count` pixels that are
+/// `step` apart.
+fn smoothed_along(depth: &[f32], count: usize, step: usize) -> Vec<f32> {
+    const REACH: usize = 2;
+    let mut smooth = vec![0.0; depth.len()];
+    for (at, (own, mean)) in depth.iter().zip(&mut smooth).enumerate().filter(|(_, (own, _))| **own > 0.0) {
+        let place = at / step % count;
+        let (first, last) = (place.saturating_sub(REACH), (place + REACH).min(count - 1));
+        let (mut sum, mut number) = (0.0, 0.0);
+        for z in depth[at - (place - first) * step..=at + (last - place) * step].iter().step_by(step) {
+            if *z > 0.0 && (z - own).abs() < SURFACE {
+                sum += z;
+                number += 1.0;
+            }
+        }
+        *mean = sum / number;
+    }
+    smooth
 }
 
 fn sizes(width: u32, height: u32, pixels: usize) -> Result<(usize, usize), ImageError> {
