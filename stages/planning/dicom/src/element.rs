@@ -32,6 +32,14 @@ pub enum TagError {
         /// Why that will not do, and what will.
         why: &'static str,
     },
+    /// A beam of a plan cannot be used.
+    #[error("beam {name:?}: {source}")]
+    Beam {
+        /// Its name.
+        name: String,
+        /// The underlying error.
+        source: Box<TagError>,
+    },
     /// A contour of a structure set cannot be used.
     #[error("contour {number} of {region:?}: {source}")]
     Contour {

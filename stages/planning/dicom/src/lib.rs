@@ -22,6 +22,7 @@
 //! - `import`: a folder to a case
 //! - `identity`: whose plan it is, read again at export and never kept
 //! - `write`: what RTPLAN, RTDOSE and RTSTRUCT share
+//! - `treatment`: RTPLAN of any program, read; `given_dose`: RTDOSE, read
 //! - `plan`: RTPLAN
 //! - `dose`: RTDOSE
 //! - `structures`: RTSTRUCT, by the `outlines` of masks
@@ -33,6 +34,7 @@ mod dataset;
 mod dose;
 mod element;
 mod find;
+mod given_dose;
 mod identity;
 mod import;
 mod import_messages;
@@ -49,11 +51,13 @@ mod series;
 mod slice;
 mod stack;
 mod structures;
+mod treatment;
 mod write;
 
 pub use dataset::{DataSet, ReadError};
 pub use dose::{PlannedDose, dose_file};
 pub use element::TagError;
+pub use given_dose::GivenDose;
 pub use identity::CaseIdentity;
 pub use import::{ImportError, Request, import_folder};
 pub use layout::LayoutError;
@@ -64,4 +68,5 @@ pub use series::{SeriesError, Volume, volume};
 pub use slice::{Reading, Slice};
 pub use stack::Stack;
 pub use structures::structure_file;
+pub use treatment::{ControlPoint, Leaves, TreatmentBeam, TreatmentPlan};
 pub use write::{Export, ExportError, Exported, uids_of};

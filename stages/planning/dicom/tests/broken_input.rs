@@ -10,8 +10,12 @@ use std::sync::LazyLock;
 use cap::Cap;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use stillpoint_dicom::{DataSet, Rois, Slice, rasterise, volume};
-use stillpoint_patient::case::Uid;
+use stillpoint_dicom::{
+    Beam, CaseIdentity, DataSet, Export, GivenDose, LeafSegment, Machine, Plan, PlannedDose, Rois, Slice,
+    TreatmentPlan, dose_file, plan_file, rasterise, volume,
+};
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{PatientPosition, Uid, Uids};
 
 #[allow(dead_code)]
 mod compressed;
@@ -114,6 +118,36 @@ static SETS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
     [file(&set), bare(&set, Encoding::Explicit), bare(&set, Encoding::Implicit)]
 });
 
+/// A plan of one beam in two segments, and its dose.
+static TREATMENT: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
+    let uid = |n| Uid::parse(&format!("1.2.3.{n}")).unwrap();
+    let uids = Uids { study: uid(1), series: uid(2), frame_of_reference: uid(3), structure_set: uid(4) };
+    let identity = CaseIdentity::none();
+    let export = Export { uids: &uids, identity: &identity };
+    let segment = |tip| LeafSegment { tips_mm: vec![[-35.0, tip], [-5.5, 40.0]], monitor_units: 12.5 };
+    let beam = Beam {
+        name: "one".to_owned(),
+        gantry_deg: 72.0,
+        isocentre_mm: [-2.0, 4.0, 5.5],
+        weight: 1.0,
+        field_mm: [[-35.0, 40.0], [-10.0, 10.0]],
+        segments: vec![segment(-20.0), segment(10.0)],
+    };
+    let plan = Plan {
+        label: "one",
+        machine: Machine { name: "generic", energy_mv: 6.0, source_axis_mm: 1000.0 },
+        prescription: &[],
+        fractions: 30,
+        position: PatientPosition::HeadFirstSupine,
+        leaf_edges_mm: &[-10.0, 0.0, 10.0],
+        beams: &[beam],
+    };
+    let grid = Grid { counts: [5, 4, 3], spacing_mm: [2.0; 3], origin_mm: [0.0; 3] };
+    let gray: Vec<f32> = (0..60).map(|i| i as f32).collect();
+    let dose = PlannedDose { grid: &grid, gray: &gray, plan: &uids.study };
+    [plan_file(&export, &plan).unwrap().bytes, dose_file(&export, &dose).unwrap().bytes]
+});
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -140,6 +174,29 @@ proptest! {
         let Ok(data) = DataSet::read(&bytes) else { return Ok(()) };
         let Ok(slice) = Slice::read(&data) else { return Ok(()) };
         prop_assert_eq!(slice.hu.len(), slice.counts[0] * slice.counts[1]);
+    }
+
+    #[test]
+    fn broken_plans_are_refused_or_all_of_their_meterset_is_given(harms in prop::collection::vec(harm(), 1..4)) {
+        let Ok(data) = DataSet::read(&harmed(TREATMENT[0].clone(), &harms)) else { return Ok(()) };
+        let Ok(plan) = TreatmentPlan::read(&data.object) else { return Ok(()) };
+        for beam in plan.beams {
+            prop_assert!(beam.monitor_units > 0.0 && beam.points.windows(2).all(|p| p[0].given <= p[1].given));
+            let ends = [beam.points[0].given, beam.points[beam.points.len() - 1].given];
+            prop_assert!(ends[0] < 1e-4 && (ends[1] - 1.0).abs() < 2e-3, "{ends:?}");
+            let mut angles = beam.points.iter().map(|p| p.gantry_deg + p.collimator_deg + p.couch_deg);
+            prop_assert!(angles.all(f64::is_finite));
+            let pairs = beam.leaves.map_or(0, |leaves| leaves.edges_mm.len() - 1);
+            prop_assert!(beam.points.iter().all(|p| p.tips_mm.len() == pairs));
+        }
+    }
+
+    #[test]
+    fn broken_doses_are_refused_or_read_whole(harms in prop::collection::vec(harm(), 1..4)) {
+        let Ok(data) = DataSet::read(&harmed(TREATMENT[1].clone(), &harms)) else { return Ok(()) };
+        let Ok(dose) = GivenDose::read(&data) else { return Ok(()) };
+        prop_assert_eq!(dose.gray.len(), dose.grid.len());
+        prop_assert!(dose.grid.origin_mm.iter().all(|c| c.is_finite()));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::import::request;
 const GRID: Grid =
     Grid { counts: [5, 4, 3], spacing_mm: [2.5, 3.906, 1.0 / 3.0], origin_mm: [-1e3 / 3.0, 0.1, -94.5] };
 
-fn uids() -> Uids {
+pub fn uids() -> Uids {
     let uid = |n| Uid::parse(&format!("1.2.3.{n}")).unwrap();
     Uids { study: uid(1), series: uid(2), frame_of_reference: uid(3), structure_set: uid(4) }
 }
@@ -38,7 +38,7 @@ fn beams() -> Vec<Beam> {
 }
 
 /// The same beams with three segments each.
-fn shaped_beams() -> Vec<Beam> {
+pub fn shaped_beams() -> Vec<Beam> {
     let segment = |i: usize| LeafSegment {
         tips_mm: vec![[-35.0, -35.0 + 10.0 * i as f64], [-5.5, 40.0]],
         monitor_units: 12.5 + i as f64 / 3.0,
@@ -46,7 +46,7 @@ fn shaped_beams() -> Vec<Beam> {
     beams().into_iter().map(|beam| Beam { segments: (0..3).map(segment).collect(), ..beam }).collect()
 }
 
-fn prescription() -> Vec<Prescription> {
+pub fn prescription() -> Vec<Prescription> {
     vec![Prescription { structure: "PTV".to_owned(), dose_gy: 78.0 }]
 }
 
@@ -61,6 +61,11 @@ fn plan<'a>(beams: &'a [Beam], prescription: &'a [Prescription]) -> Plan<'a> {
         leaf_edges_mm: &[],
         beams,
     }
+}
+
+/// A plan of the beams with segments.
+pub fn shaped_plan<'a>(beams: &'a [Beam], prescription: &'a [Prescription]) -> Plan<'a> {
+    Plan { leaf_edges_mm: &[-10.0, 0.0, 10.0], ..plan(beams, prescription) }
 }
 
 #[test]
@@ -299,8 +304,8 @@ fn pydicom_reads_segments_and_monitor_units() {
         return;
     }
     let (uids, identity) = (uids(), CaseIdentity::none());
-    let (beams, prescription, edges) = (shaped_beams(), prescription(), [-10.0, 0.0, 10.0]);
-    let plan = Plan { leaf_edges_mm: &edges, ..plan(&beams, &prescription) };
+    let (beams, prescription) = (shaped_beams(), prescription());
+    let plan = shaped_plan(&beams, &prescription);
     let file = plan_file(&Export { uids: &uids, identity: &identity }, &plan).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rp.dcm");

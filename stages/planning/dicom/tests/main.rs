@@ -10,4 +10,5 @@ mod planning_data;
 mod raster;
 mod reading;
 mod resample;
+mod treatment;
 mod volumes;

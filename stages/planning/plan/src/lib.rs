@@ -10,6 +10,7 @@
 //! - [`distance`]: how far voxels are from a set of voxels
 //! - [`evaluation`]: what a dose does to each structure
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
+//! - [`gamma`]: how far two doses are from each other
 //! - [`leaves`]: the fluence as segments of a multileaf collimator
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`monte_carlo`]: the dose of a machine next to that of a Monte Carlo program
@@ -34,6 +35,7 @@ pub mod distance;
 pub mod dose;
 pub mod evaluation;
 pub mod fluence;
+pub mod gamma;
 pub mod leaves;
 pub mod metrics;
 pub mod monte_carlo;

@@ -19,6 +19,7 @@ mod new;
 mod plan;
 mod queue;
 mod reach;
+mod recalculate;
 mod report;
 mod streams;
 mod what_if;

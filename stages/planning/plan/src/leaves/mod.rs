@@ -10,8 +10,10 @@
 //! - `segment`: where the leaves of a segment stand, and what passes them
 //! - `influence`: the dose of segments from that of bixels
 //! - `price`: the segment that a plan gains most by
+//! - `aperture`: the fluence of beams whose leaves move while they give dose
 //! - `sequence`: all of it for the beams of a plan
 
+mod aperture;
 mod engel;
 mod influence;
 mod map;
@@ -19,6 +21,7 @@ mod price;
 mod segment;
 mod sequence;
 
+pub use aperture::{Aperture, LeafPairs, moving_fluence};
 pub use engel::{Shape, divide};
 pub use map::{LeafMap, LeavesError, Levels};
 pub use segment::{LeafBeam, Segment};

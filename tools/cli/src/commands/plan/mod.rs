@@ -13,6 +13,7 @@
 //! - `charts`: histograms and searches as SVG; `tree`: the sets that a search went through
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
+//! - `recalculate`: the dose of an RTPLAN of any program
 //! - `matrix`: the dose matrix for other optimisers, and weights of theirs
 
 mod args;
@@ -28,6 +29,7 @@ mod patient;
 mod pooled;
 mod prepared;
 mod queue;
+mod recalculate;
 mod request;
 mod search;
 mod table;
@@ -70,6 +72,7 @@ enum Action {
     Compare(compare::Compare),
     Export(matrix::Export),
     Evaluate(matrix::Evaluate),
+    Recalculate(recalculate::Recalculate),
 }
 
 impl Plan {
@@ -79,6 +82,7 @@ impl Plan {
         match &self.action {
             Some(Action::Compare(compare)) => return compare.execute(),
             Some(Action::Export(export)) => return export.execute(),
+            Some(Action::Recalculate(recalculate)) => return recalculate.execute(),
             Some(Action::Evaluate(evaluate)) => return evaluate.execute(report),
             None => {}
         }
