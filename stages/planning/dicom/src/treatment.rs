@@ -26,6 +26,8 @@ pub struct TreatmentPlan {
     pub uid: Uid,
     /// The frame of reference of its places, if it states one.
     pub frame_of_reference: Option<Uid>,
+    /// How the patient lies, as the file says it (`HFS`), if it does.
+    pub position: Option<String>,
     /// Its name.
     pub label: String,
     /// Number of fractions.
@@ -130,8 +132,12 @@ impl TreatmentPlan {
             Some(_) => Some(uid(object, tags::FRAME_OF_REFERENCE_UID)?),
             None => None,
         };
+        let position = match items(object, tags::PATIENT_SETUP_SEQUENCE) {
+            [setup, ..] => text_if_any(setup, tags::PATIENT_POSITION)?,
+            [] => None,
+        };
         let uid = uid(object, tags::SOP_INSTANCE_UID)?;
-        Ok(Self { uid, frame_of_reference, label, fractions, beams, left_out })
+        Ok(Self { uid, frame_of_reference, position, label, fractions, beams, left_out })
     }
 }
 

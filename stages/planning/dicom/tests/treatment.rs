@@ -41,7 +41,8 @@ const POINT: &[Tag] = &[tags::BEAM_SEQUENCE, tags::CONTROL_POINT_SEQUENCE];
 fn a_plan_that_was_exported_is_read_back_segment_by_segment() {
     let plan = TreatmentPlan::read(&written()).unwrap();
     assert_eq!((plan.fractions, plan.beams.len(), plan.left_out.len()), (39, 5, 0));
-    assert_eq!(plan.frame_of_reference, None.or(Some(uids().frame_of_reference)));
+    assert_eq!(plan.frame_of_reference, Some(uids().frame_of_reference));
+    assert_eq!(plan.position.as_deref(), Some("HFS"));
     for (beam, wanted) in plan.beams.iter().zip(shaped_beams()) {
         assert_eq!(
             (&beam.name, beam.energy_mv, beam.source_axis_mm),

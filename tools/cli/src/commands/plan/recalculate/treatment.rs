@@ -26,6 +26,10 @@ pub enum TreatmentError {
     )]
     Frame { plan: String, case: String, images: String },
     #[error(
+        "the plan is for a patient who lies {plan}, and the images of the case are of one who lies {images}: give the case of this plan"
+    )]
+    Position { plan: String, images: &'static str },
+    #[error(
         "the machine file has no collimator: give one with its transmission and monitor units by --machine"
     )]
     NoCollimator,
@@ -62,6 +66,10 @@ impl Treatment {
         if let Some(frame) = plan.frame_of_reference.as_ref().filter(|frame| **frame != images) {
             let (plan, case, images) = (frame.to_string(), case.name().to_owned(), images.to_string());
             return Err(TreatmentError::Frame { plan, case, images });
+        }
+        let lies = case.position().term();
+        if let Some(position) = plan.position.as_ref().filter(|position| *position != lies) {
+            return Err(TreatmentError::Position { plan: position.clone(), images: lies });
         }
         let file = machine.file();
         let Some(collimator) = &file.collimator else { return Err(TreatmentError::NoCollimator) };
