@@ -96,7 +96,8 @@ impl Bench {
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(crate::PROGRAM);
+        let program = std::env::var_os("STILLPOINT_MEASURED").unwrap_or_else(|| crate::PROGRAM.into());
+        let mut command = Command::new(program);
         command.args(arguments).env("STILLPOINT_RUNS", self.runs()).current_dir(self.folder.path());
         command
     }

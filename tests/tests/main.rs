@@ -70,5 +70,6 @@ mod view;
 mod wire;
 mod words;
 
-/// The program that a [`bench::Bench`] runs.
+/// The program that a [`bench::Bench`] runs. `STILLPOINT_MEASURED` names another one: the command of a release build, for
+/// the measurements among the tests.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_stillpoint-kit");
