@@ -155,8 +155,10 @@ fn a_browser_that_reads_nothing_and_a_page_that_stands_still_delay_no_stage() {
 fn images_a_second_of_the_default_pipeline_in_a_browser() {
     let bench = Bench::new();
     let file = crate::bench::small_loop(&bench, include_str!("../../pipeline.yaml"), "examples/data/rig.key");
-    let fast = std::fs::read_to_string(&file).unwrap().replace("every: 100 ms, width", "every: 30 ms, width");
-    std::fs::write(&file, fast).unwrap();
+    let small = "every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px";
+    let slow = std::fs::read_to_string(&file).unwrap();
+    assert!(slow.contains(small));
+    std::fs::write(&file, slow.replace(small, "every: 30 ms")).unwrap();
     let run = bench.run(&file);
     bench.wait_for_samples("head.report", 4);
     let sent = |bench: &Bench| {
