@@ -13,8 +13,8 @@
 //! | entries | values, f32 |
 //! | entries | columns, u16 |
 
-use super::beam::BeamInfluence;
-use crate::{Rows, RowsError, RowsRef};
+use super::beam::BeamRows;
+use crate::{RowsError, RowsRef};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -87,9 +87,8 @@ enum Held {
 
 impl Held {
     fn in_memory(bytes: &[u8]) -> Self {
-        let mut words = vec![0_u64; bytes.len().div_ceil(size_of::<u64>())];
-        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-        Self::Memory(words, bytes.len())
+        let (words, length) = words_of(bytes);
+        Self::Memory(words, length)
     }
 
     fn bytes(&self) -> &[u8] {
@@ -98,6 +97,13 @@ impl Held {
             Self::Memory(words, length) => &words.as_bytes()[..*length],
         }
     }
+}
+
+/// Words that hold these bytes, and their number.
+fn words_of(bytes: &[u8]) -> (Vec<u64>, usize) {
+    let mut words = vec![0_u64; bytes.len().div_ceil(size_of::<u64>())];
+    words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+    (words, bytes.len())
 }
 
 impl BeamFile {
@@ -244,22 +250,22 @@ fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
     <[T]>::ref_from_bytes(bytes).unwrap_or_default()
 }
 
-/// Writes a beam's dose; `rows` is its matrix.
-pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
+/// Writes a beam's dose.
+pub(super) fn write(path: &Path, key: &Key, beam: &BeamRows) -> io::Result<()> {
     // Whoever opens it checks it.
-    publish_derived(path, |file| write_to(file, key, beam, rows))
+    publish_derived(path, |file| write_to(file, key, beam))
 }
 
 /// The bytes of such a file.
-pub(super) fn bytes(key: &Key, beam: &BeamInfluence, rows: &Rows) -> Vec<u8> {
+pub(super) fn bytes(key: &Key, beam: &BeamRows) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory cannot fail.
-    let _ = write_to(&mut bytes, key, beam, rows);
+    let _ = write_to(&mut bytes, key, beam);
     bytes
 }
 
-fn write_to(out: &mut impl Write, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
-    let dose = rows.view();
+fn write_to(out: &mut impl Write, key: &Key, beam: &BeamRows) -> io::Result<()> {
+    let dose = beam.dose.view();
     let sizes = [dose.rows() as u64, dose.columns as u64, dose.value.len() as u64];
     let angle = beam.gantry_deg.to_bits();
     let parts: [&[u8]; 6] = [
@@ -281,7 +287,7 @@ fn write_to(out: &mut impl Write, key: &Key, beam: &BeamInfluence, rows: &Rows) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Csc;
+    use crate::{Csc, Rows};
     use proptest::prelude::*;
     use proptest::sample::Index;
     use proptest::test_runner::TestRunner;
@@ -289,24 +295,21 @@ mod tests {
 
     const KEY: Key = [7; 32];
 
-    fn beam() -> BeamInfluence {
+    fn beam() -> BeamRows {
         let dose =
             Csc::new(9, vec![0, 2, 2, 5], vec![1, 8, 0, 1, 2], vec![1.0, 0.5, 0.25, 2.0, 3.0]).unwrap();
-        BeamInfluence { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
-    }
-
-    fn rows() -> Rows {
-        Rows::from_columns(beam().dose.view()).unwrap()
+        let dose = Rows::from_columns(dose.view()).unwrap();
+        BeamRows { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
     }
 
     #[test]
     fn a_file_gives_back_the_beam_and_only_for_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam(), &rows()).unwrap();
+        write(&path, &KEY, &beam()).unwrap();
         let read = BeamFile::open(&path, &KEY).unwrap();
         assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
-        assert_eq!(read.dose(), rows().view());
+        assert_eq!(read.dose(), beam().dose.view());
         let copied = BeamFile::of_bytes(&[&[7], read.bytes()].concat()[1..], &KEY).unwrap();
         assert_eq!((copied.dose(), copied.bytes()), (read.dose(), read.bytes()));
         assert!(matches!(BeamFile::of_bytes(&read.bytes()[1..], &KEY), Err(BeamFileError::Magic)));
@@ -317,7 +320,7 @@ mod tests {
     fn ten_thousand_broken_files_are_refused_or_hold_a_matrix() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam(), &rows()).unwrap();
+        write(&path, &KEY, &beam()).unwrap();
         let whole = std::fs::read(&path).unwrap();
 
         let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());
