@@ -15,6 +15,7 @@
 
 use super::beam::BeamRows;
 use crate::{RowsError, RowsRef};
+use sha2::{Digest, Sha256};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -170,6 +171,23 @@ impl BeamFile {
         self.layout.dose(self.file.bytes())
     }
 
+    /// The same dose in memory with each row times its factor: not the dose that the key stands for, so its key is another.
+    /// Rows without a factor stay as they are.
+    pub(crate) fn scaled(&self, factors: &[f32]) -> Self {
+        let (mut words, length) = words_of(self.file.bytes());
+        let bytes = &mut words.as_mut_bytes()[..length];
+        let starts: Vec<u32> = numbers(&bytes[self.layout.starts.clone()]).to_vec();
+        let values = <[f32]>::mut_from_bytes(&mut bytes[self.layout.value.clone()]).unwrap_or_default();
+        for (row, factor) in starts.windows(2).zip(factors) {
+            values[row[0] as usize..row[1] as usize].iter_mut().for_each(|value| *value *= factor);
+        }
+        let key = Sha256::new().chain_update(&bytes[8..40]).chain_update(factors.as_bytes()).finalize();
+        bytes[8..40].copy_from_slice(&key);
+        let checksum = u64::from(crc32fast::hash(&bytes[48..]));
+        bytes[40..48].copy_from_slice(checksum.as_bytes());
+        Self { file: Held::Memory(words, length), layout: self.layout.clone() }
+    }
+
     /// Size of the file, bytes.
     pub fn size(&self) -> usize {
         self.file.bytes().len()
@@ -314,6 +332,22 @@ mod tests {
         assert_eq!((copied.dose(), copied.bytes()), (read.dose(), read.bytes()));
         assert!(matches!(BeamFile::of_bytes(&read.bytes()[1..], &KEY), Err(BeamFileError::Magic)));
         assert!(matches!(BeamFile::open(&path, &[8; 32]), Err(BeamFileError::Key)));
+    }
+
+    #[test]
+    fn a_scaled_file_has_its_rows_times_their_factors_under_another_key() {
+        let file = BeamFile::of_bytes(&bytes(&KEY, &beam()), &KEY).unwrap();
+        let factors = [2.0, 3.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0];
+        let scaled = file.scaled(&factors);
+        assert_eq!((scaled.gantry_deg(), scaled.bixels_mm()), (file.gantry_deg(), file.bixels_mm()));
+        for (row, factor) in factors.into_iter().enumerate() {
+            let (columns, values) = file.dose().row(row);
+            let expected: Vec<f32> = values.iter().map(|value| factor * value).collect();
+            assert_eq!(scaled.dose().row(row), (columns, &expected[..]));
+        }
+        assert!(matches!(BeamFile::of_bytes(scaled.bytes(), &KEY), Err(BeamFileError::Key)));
+        let key: Key = scaled.bytes()[8..40].try_into().unwrap();
+        assert_eq!(BeamFile::of_bytes(scaled.bytes(), &key).unwrap().dose(), scaled.dose());
     }
 
     #[test]
