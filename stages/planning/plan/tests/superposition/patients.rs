@@ -5,6 +5,7 @@ use std::num::NonZeroUsize;
 use super::columns::cpu_s;
 use stillpoint_patient::case::{Case, lung, neck, read};
 use stillpoint_plan::beams::Evaluated;
+use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::recipe::{PlanDoses, PlanEngine, PlanRequest, PlanSetup, SetupSpec, plan};
 use stillpoint_plan::recompute::BeamFluence;
 
@@ -92,18 +93,19 @@ fn columns_on_patients() {
         let began = cpu_s();
         let run = search.run(search.evaluator(&setup, &doses, None)).unwrap();
         println!("  fluence: {:.1} CPU s", cpu_s() - began);
-        print_means(&setup, "open", &doses, &run.choice.best);
+        println!("{}", means(&setup, "open", &doses, &run.choice.best));
         let began = cpu_s();
         let (doses, run) = search.settle(&setup, doses, run).unwrap();
         println!("  correction and second fluence: {:.1} CPU s", cpu_s() - began);
-        print_means(&setup, "corrected", &doses, &run.choice.best);
+        println!("{}", means(&setup, "corrected", &doses, &run.choice.best));
     }
 }
 
-fn print_means(setup: &PlanSetup, name: &str, doses: &PlanDoses, plan: &Evaluated) {
+/// Mean doses of the structures, a line each.
+fn means(setup: &PlanSetup, name: &str, doses: &PlanDoses, plan: &Evaluated) -> String {
     let columns = doses.solved.dose(plan, 0);
     let whole = at_points(setup, &fluences(setup, doses, plan));
-    for of in setup.objective_set.structures.iter().filter(|of| !of.name.contains('(')) {
+    let line = |of: &StructureObjectives| {
         let volume: f64 = of.volumes.iter().sum();
         let mean = |dose: &dyn Fn(usize) -> f64| {
             of.voxels.iter().zip(&of.volumes).map(|(v, volume)| volume * dose(*v as usize)).sum::<f64>()
@@ -111,10 +113,12 @@ fn print_means(setup: &PlanSetup, name: &str, doses: &PlanDoses, plan: &Evaluate
         };
         let (seen, is) = (mean(&|v| f64::from(columns[v])), mean(&|v| whole[v]));
         let rms = mean(&|v| (f64::from(columns[v]) - whole[v]).powi(2)).sqrt();
-        println!(
+        format!(
             "  {name}: {}: {seen:.2} Gy, superposition {is:.2} Gy ({:+.2} %), rms {rms:.2} Gy",
             of.name,
             100.0 * (seen / is - 1.0)
-        );
-    }
+        )
+    };
+    let whole_structures = setup.objective_set.structures.iter().filter(|of| !of.name.contains('('));
+    whole_structures.map(line).collect::<Vec<_>>().join("\n")
 }
