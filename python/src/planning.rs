@@ -230,7 +230,8 @@ impl NativeSetup {
         let search = request.check(&setup.case, setup.spec.ring).map_err(raise)?;
         let run = interruptible(py, |_| {
             let doses = PlanDoses::compute(setup, &search.needed_beams(), search.threads).map_err(raise)?;
-            search.run(search.evaluator(setup, &doses, None)).map_err(raise)
+            let run = search.run(search.evaluator(setup, &doses, None)).map_err(raise)?;
+            search.settle(setup, doses, run).map(|(_, run)| run).map_err(raise)
         })??;
         let best = &run.choice.best;
         let history =

@@ -5,9 +5,14 @@ use std::num::NonZeroUsize;
 use super::evaluator::{Evaluated, Influence};
 use super::ring::Ring;
 use super::second::Displaced;
-use crate::dose::{BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
+use crate::dose::{
+    BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, DoseError, Origin,
+};
 use crate::threads::on_threads;
 use crate::{RowsRef, Setups};
+
+/// Least factor of a row in a correction, and the greatest is its reciprocal: far from a beam, columns have little dose of it.
+const LEAST_FACTOR: f32 = 0.125;
 
 /// The doses of some beams of a ring. The other beams have no dose, and no plan can use them.
 #[derive(Debug)]
@@ -82,6 +87,48 @@ impl RingDoses {
             matrices.iter().map(of_beam).sum::<f64>() as f32
         };
         (0..voxels).map(of_voxel).collect()
+    }
+
+    /// The doses of the beams of a plan with each row times the dose that the engines (one for each set-up) compute of the whole
+    /// fluence, over the dose of the columns: at the weights of the plan, the columns give what the engines compute. Factors
+    /// are from 1/8 to 8, and a row without dose stays as it is. The other beams have no dose.
+    pub(crate) fn corrected(
+        &self,
+        engines: &[DoseEngine],
+        plan: &Evaluated,
+        threads: NonZeroUsize,
+    ) -> Result<Self, DoseError> {
+        let of_setup = |(setup, engine): (usize, &DoseEngine)| {
+            let whole = on_threads(plan.beams.beams(), threads, |beam| {
+                let weights = plan.weights_of(*beam).unwrap_or_default();
+                let Some(dose) = self.setups(*beam).get(setup) else { return Ok(Vec::new()) };
+                engine.weighted_bixels(dose.beam.gantry_deg(), dose.beam.bixels_mm(), weights)
+            })?;
+            let mut factors = self.dose(plan, setup);
+            for (row, factor) in factors.iter_mut().enumerate() {
+                let computed: f32 = whole.iter().filter_map(|dose| dose.get(row)).sum();
+                let of_columns = *factor;
+                *factor = if of_columns > 0.0 {
+                    (computed / of_columns).clamp(LEAST_FACTOR, 1.0 / LEAST_FACTOR)
+                } else {
+                    1.0
+                };
+            }
+            Ok(factors)
+        };
+        let factors: Result<Vec<Vec<f32>>, DoseError> = engines.iter().enumerate().map(of_setup).collect();
+        let factors = factors?;
+        let scaled = |(dose, factors): (&CachedBeam, &Vec<f32>)| CachedBeam {
+            beam: dose.beam.scaled(factors),
+            origin: Origin::Computed,
+        };
+        let mut beams: Vec<Vec<CachedBeam>> = self.beams.iter().map(|_| Vec::new()).collect();
+        for beam in plan.beams.beams() {
+            if let Some(setups) = beams.get_mut(usize::from(*beam)) {
+                *setups = self.setups(*beam).iter().zip(&factors).map(scaled).collect();
+            }
+        }
+        Ok(Self { beams })
     }
 
     /// The dose files of a beam, one for each set-up.

@@ -11,7 +11,7 @@ use super::frame::BeamFrame;
 use super::kernel::BixelKernel;
 use super::machine::COMPONENTS;
 use super::outline::Pencil;
-use crate::Csc;
+use crate::{Csc, Rows};
 use stillpoint_patient::couch::Motion;
 
 /// The bixels of a beam and what they give.
@@ -23,6 +23,28 @@ pub struct BeamInfluence {
     pub bixels_mm: Vec<[f64; 2]>,
     /// Dose by voxel of the dose grid and bixel, gray per unit weight. All entries are positive.
     pub dose: Csc,
+}
+
+/// The same with the dose by rows.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct BeamRows {
+    pub gantry_deg: f64,
+    pub bixels_mm: Vec<[f64; 2]>,
+    pub dose: Rows,
+}
+
+impl BeamRows {
+    pub fn of(beam: BeamInfluence) -> Result<Self, DoseError> {
+        let BeamInfluence { gantry_deg, bixels_mm, dose } = beam;
+        let dose = Rows::from_columns(dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
+        Ok(Self { gantry_deg, bixels_mm, dose })
+    }
+
+    pub fn by_columns(self) -> Result<BeamInfluence, DoseError> {
+        let Self { gantry_deg, bixels_mm, dose } = self;
+        let dose = dose.to_columns().map_err(|fault| DoseError::Matrix { gantry_deg, fault })?;
+        Ok(BeamInfluence { gantry_deg, bixels_mm, dose })
+    }
 }
 
 /// Bixels that a beam may have.

@@ -5,7 +5,6 @@ use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
 use super::machine::MachineFile;
 use super::name::EngineName;
-use crate::Rows;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
 use std::io::ErrorKind;
@@ -149,10 +148,7 @@ impl DoseCache {
             Err(BeamFileError::File(fault)) if fault.kind() == ErrorKind::NotFound => Origin::Computed,
             Err(fault) => Origin::Replaced(fault),
         };
-        let beam = engine.beam(gantry_deg)?;
-        let rows =
-            Rows::from_columns(beam.dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
-        match file::write(&path, &key, &beam, &rows) {
+        match file::write(&path, &key, &engine.beam_rows(gantry_deg)?) {
             Ok(()) => {}
             Err(source) => return Err(CacheError::Write { path, source }),
         }
@@ -181,10 +177,8 @@ impl DoseEngine {
     /// # Errors
     /// The dose cannot be computed.
     pub fn beam_file(&self, gantry_deg: f64) -> Result<Vec<u8>, DoseError> {
-        let beam = self.beam(gantry_deg)?;
-        let rows =
-            Rows::from_columns(beam.dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
-        Ok(file::bytes(&beam_key(&engine_key(self), gantry_deg), &beam, &rows))
+        let beam = self.beam_rows(gantry_deg)?;
+        Ok(file::bytes(&beam_key(&engine_key(self), gantry_deg), &beam))
     }
 
     /// The dose of one beam in such a file that was computed here or elsewhere. The bytes are checked and copied.

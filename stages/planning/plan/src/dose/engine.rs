@@ -1,6 +1,6 @@
 //! The engine: a patient, a machine and params, made ready to give the dose of any beam.
 
-use super::beam::{self, BeamInfluence};
+use super::beam::{self, BeamInfluence, BeamRows};
 use super::bixels::{self, BixelSpec};
 use super::density;
 use super::depth::corners;
@@ -225,6 +225,15 @@ impl DoseEngine {
         let gantry_deg = self.checked_angle(gantry_deg)?;
         match self.superposition()? {
             None => beam::influence(self, gantry_deg),
+            Some(section) => superposition::influence(self, gantry_deg, section)?.by_columns(),
+        }
+    }
+
+    /// The same by rows, as doses are kept.
+    pub(super) fn beam_rows(&self, gantry_deg: f64) -> Result<BeamRows, DoseError> {
+        let gantry_deg = self.checked_angle(gantry_deg)?;
+        match self.superposition()? {
+            None => BeamRows::of(beam::influence(self, gantry_deg)?),
             Some(section) => superposition::influence(self, gantry_deg, section),
         }
     }

@@ -13,8 +13,9 @@
 //! | entries | values, f32 |
 //! | entries | columns, u16 |
 
-use super::beam::BeamInfluence;
-use crate::{Rows, RowsError, RowsRef};
+use super::beam::BeamRows;
+use crate::{RowsError, RowsRef};
+use sha2::{Digest, Sha256};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -87,9 +88,8 @@ enum Held {
 
 impl Held {
     fn in_memory(bytes: &[u8]) -> Self {
-        let mut words = vec![0_u64; bytes.len().div_ceil(size_of::<u64>())];
-        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-        Self::Memory(words, bytes.len())
+        let (words, length) = words_of(bytes);
+        Self::Memory(words, length)
     }
 
     fn bytes(&self) -> &[u8] {
@@ -98,6 +98,13 @@ impl Held {
             Self::Memory(words, length) => &words.as_bytes()[..*length],
         }
     }
+}
+
+/// Words that hold these bytes, and their number.
+fn words_of(bytes: &[u8]) -> (Vec<u64>, usize) {
+    let mut words = vec![0_u64; bytes.len().div_ceil(size_of::<u64>())];
+    words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+    (words, bytes.len())
 }
 
 impl BeamFile {
@@ -162,6 +169,23 @@ impl BeamFile {
     /// Dose by voxel of the dose grid and bixel, gray per unit weight. All entries are positive.
     pub fn dose(&self) -> RowsRef<'_> {
         self.layout.dose(self.file.bytes())
+    }
+
+    /// The same dose in memory with each row times its factor: not the dose that the key stands for, so its key is another.
+    /// Rows without a factor stay as they are.
+    pub(crate) fn scaled(&self, factors: &[f32]) -> Self {
+        let (mut words, length) = words_of(self.file.bytes());
+        let bytes = &mut words.as_mut_bytes()[..length];
+        let starts: Vec<u32> = numbers(&bytes[self.layout.starts.clone()]).to_vec();
+        let values = <[f32]>::mut_from_bytes(&mut bytes[self.layout.value.clone()]).unwrap_or_default();
+        for (row, factor) in starts.windows(2).zip(factors) {
+            values[row[0] as usize..row[1] as usize].iter_mut().for_each(|value| *value *= factor);
+        }
+        let key = Sha256::new().chain_update(&bytes[8..40]).chain_update(factors.as_bytes()).finalize();
+        bytes[8..40].copy_from_slice(&key);
+        let checksum = u64::from(crc32fast::hash(&bytes[48..]));
+        bytes[40..48].copy_from_slice(checksum.as_bytes());
+        Self { file: Held::Memory(words, length), layout: self.layout.clone() }
     }
 
     /// Size of the file, bytes.
@@ -244,22 +268,22 @@ fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
     <[T]>::ref_from_bytes(bytes).unwrap_or_default()
 }
 
-/// Writes a beam's dose; `rows` is its matrix.
-pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
+/// Writes a beam's dose.
+pub(super) fn write(path: &Path, key: &Key, beam: &BeamRows) -> io::Result<()> {
     // Whoever opens it checks it.
-    publish_derived(path, |file| write_to(file, key, beam, rows))
+    publish_derived(path, |file| write_to(file, key, beam))
 }
 
 /// The bytes of such a file.
-pub(super) fn bytes(key: &Key, beam: &BeamInfluence, rows: &Rows) -> Vec<u8> {
+pub(super) fn bytes(key: &Key, beam: &BeamRows) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory cannot fail.
-    let _ = write_to(&mut bytes, key, beam, rows);
+    let _ = write_to(&mut bytes, key, beam);
     bytes
 }
 
-fn write_to(out: &mut impl Write, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
-    let dose = rows.view();
+fn write_to(out: &mut impl Write, key: &Key, beam: &BeamRows) -> io::Result<()> {
+    let dose = beam.dose.view();
     let sizes = [dose.rows() as u64, dose.columns as u64, dose.value.len() as u64];
     let angle = beam.gantry_deg.to_bits();
     let parts: [&[u8]; 6] = [
@@ -281,7 +305,7 @@ fn write_to(out: &mut impl Write, key: &Key, beam: &BeamInfluence, rows: &Rows) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Csc;
+    use crate::{Csc, Rows};
     use proptest::prelude::*;
     use proptest::sample::Index;
     use proptest::test_runner::TestRunner;
@@ -289,24 +313,21 @@ mod tests {
 
     const KEY: Key = [7; 32];
 
-    fn beam() -> BeamInfluence {
+    fn beam() -> BeamRows {
         let dose =
             Csc::new(9, vec![0, 2, 2, 5], vec![1, 8, 0, 1, 2], vec![1.0, 0.5, 0.25, 2.0, 3.0]).unwrap();
-        BeamInfluence { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
-    }
-
-    fn rows() -> Rows {
-        Rows::from_columns(beam().dose.view()).unwrap()
+        let dose = Rows::from_columns(dose.view()).unwrap();
+        BeamRows { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
     }
 
     #[test]
     fn a_file_gives_back_the_beam_and_only_for_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam(), &rows()).unwrap();
+        write(&path, &KEY, &beam()).unwrap();
         let read = BeamFile::open(&path, &KEY).unwrap();
         assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
-        assert_eq!(read.dose(), rows().view());
+        assert_eq!(read.dose(), beam().dose.view());
         let copied = BeamFile::of_bytes(&[&[7], read.bytes()].concat()[1..], &KEY).unwrap();
         assert_eq!((copied.dose(), copied.bytes()), (read.dose(), read.bytes()));
         assert!(matches!(BeamFile::of_bytes(&read.bytes()[1..], &KEY), Err(BeamFileError::Magic)));
@@ -314,10 +335,26 @@ mod tests {
     }
 
     #[test]
+    fn a_scaled_file_has_its_rows_times_their_factors_under_another_key() {
+        let file = BeamFile::of_bytes(&bytes(&KEY, &beam()), &KEY).unwrap();
+        let factors = [2.0, 3.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0];
+        let scaled = file.scaled(&factors);
+        assert_eq!((scaled.gantry_deg(), scaled.bixels_mm()), (file.gantry_deg(), file.bixels_mm()));
+        for (row, factor) in factors.into_iter().enumerate() {
+            let (columns, values) = file.dose().row(row);
+            let expected: Vec<f32> = values.iter().map(|value| factor * value).collect();
+            assert_eq!(scaled.dose().row(row), (columns, &expected[..]));
+        }
+        assert!(matches!(BeamFile::of_bytes(scaled.bytes(), &KEY), Err(BeamFileError::Key)));
+        let key: Key = scaled.bytes()[8..40].try_into().unwrap();
+        assert_eq!(BeamFile::of_bytes(scaled.bytes(), &key).unwrap().dose(), scaled.dose());
+    }
+
+    #[test]
     fn ten_thousand_broken_files_are_refused_or_hold_a_matrix() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam(), &rows()).unwrap();
+        write(&path, &KEY, &beam()).unwrap();
         let whole = std::fs::read(&path).unwrap();
 
         let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());

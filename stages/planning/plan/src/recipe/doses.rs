@@ -12,7 +12,7 @@ pub struct PlanDoses {
     /// Doses in the set-ups for which fluences are solved.
     pub solved: RingDoses,
     /// Doses under each set-up error of the robust game.
-    errors: Option<RingDoses>,
+    pub(super) errors: Option<RingDoses>,
 }
 
 impl PlanDoses {

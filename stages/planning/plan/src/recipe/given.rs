@@ -6,6 +6,7 @@ use super::doses::PlanDoses;
 use super::search::{PlanRun, PlanSearch};
 use super::setup::PlanSetup;
 use crate::beams::{Choice, Evaluated, Influence, Progress, RingError};
+use crate::dose::DoseError;
 use crate::fluence::{GoalsError, ProblemError, given_plan};
 
 /// The reasons why weights make no plan.
@@ -23,6 +24,9 @@ pub enum GivenError {
     /// The goals and matrices make no problem.
     #[error(transparent)]
     Goals(#[from] GoalsError),
+    /// The dose of the weights cannot be computed.
+    #[error(transparent)]
+    Dose(#[from] DoseError),
     /// The weights do not fit the bixels.
     #[error(transparent)]
     Weights(#[from] ProblemError),

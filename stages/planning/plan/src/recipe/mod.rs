@@ -17,6 +17,7 @@
 //! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
 //! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
+//! - `settle`: the last solve of a plan by superposition, on corrected columns
 //! - `plan`: all of it in one call; `given`: a plan of weights that another program made
 //! - `delivery`: the check of a plan before it leaves
 
@@ -28,6 +29,7 @@ mod name;
 mod plan;
 mod request;
 mod search;
+mod settle;
 mod setup;
 mod spec;
 

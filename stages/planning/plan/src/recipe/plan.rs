@@ -70,6 +70,7 @@ pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planne
     let found = &run.choice.best;
     let engine = setup.engine_of_plan(found.beams.beams()).map_err(SetupError::Dose)?;
     if engine == setup.engine_name() {
+        let (doses, run) = search.settle(&setup, doses, run)?;
         return Ok(Planned { setup, doses, run });
     }
     let last = search.of_beams(&found.beams);
@@ -79,5 +80,6 @@ pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planne
         let second = doses.second_player(&setup);
         last.run(last.evaluator(&setup, &doses, second.as_ref()))?
     };
+    let (doses, solved) = last.settle(&setup, doses, solved)?;
     Ok(Planned { setup, doses, run: PlanRun { choice: solved.choice, ..run } })
 }

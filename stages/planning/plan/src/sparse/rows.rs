@@ -4,7 +4,7 @@
 
 use thiserror::Error;
 
-use super::columns::CscRef;
+use super::columns::{Csc, CscError, CscRef};
 
 /// A sparse matrix by rows. Columns rise within a row; values are gray per unit weight.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,9 +105,64 @@ impl Rows {
         rows.view().check().map(|()| rows)
     }
 
+    /// The same matrix by columns.
+    pub(crate) fn to_columns(&self) -> Result<Csc, CscError> {
+        let mut starts = vec![0_u64; self.columns + 1];
+        for column in &self.column {
+            starts[usize::from(*column) + 1] += 1;
+        }
+        for column in 0..self.columns {
+            starts[column + 1] += starts[column];
+        }
+        let mut next = starts.clone();
+        let (mut row, mut value) = (vec![0; self.value.len()], vec![0.0; self.value.len()]);
+        let rows = self.view();
+        for place in 0..rows.rows() {
+            let (columns, values) = rows.row(place);
+            for (column, v) in columns.iter().zip(values) {
+                let at = &mut next[usize::from(*column)];
+                (row[*at as usize], value[*at as usize]) = (place as u32, *v);
+                *at += 1;
+            }
+        }
+        Csc::new(rows.rows(), starts, row, value)
+    }
+
     /// The matrix, borrowed.
     pub fn view(&self) -> RowsRef<'_> {
         RowsRef { columns: self.columns, starts: &self.starts, column: &self.column, value: &self.value }
+    }
+}
+
+/// A matrix that is made row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct RowsBuilder(Rows);
+
+impl RowsBuilder {
+    /// Of so many columns.
+    pub fn new(columns: usize) -> Self {
+        Self(Rows { columns, ..Rows::default() })
+    }
+
+    /// Begins a row, which is behind all others; those between are empty.
+    pub fn begin(&mut self, row: usize) -> Result<(), RowsError> {
+        let entries = self.0.value.len();
+        let start = u32::try_from(entries).map_err(|_| RowsError::Large { columns: self.0.columns, entries });
+        self.0.starts.resize(row + 1, start?);
+        Ok(())
+    }
+
+    /// Adds an entry to the row that was begun last, behind its others.
+    #[inline]
+    pub fn push(&mut self, column: u16, value: f32) {
+        self.0.column.push(column);
+        self.0.value.push(value);
+    }
+
+    /// The matrix of so many rows.
+    pub fn finish(mut self, rows: usize) -> Result<Rows, RowsError> {
+        self.begin(rows)?;
+        self.0.view().check().map(|()| self.0)
     }
 }
 
@@ -158,7 +213,6 @@ impl<'a> RowsRef<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Csc;
     use proptest::prelude::*;
 
     #[test]
@@ -170,6 +224,26 @@ mod tests {
         assert_eq!(view.row(0), (&[2_u16][..], &[0.25_f32][..]));
         assert_eq!(view.row(1), (&[0, 2][..], &[1.0, 2.0][..]));
         assert_eq!(view.row(3), (&[0][..], &[0.5][..]));
+        assert_eq!(rows.to_columns().unwrap(), csc);
+
+        let mut built = RowsBuilder::new(3);
+        for (row, entries) in
+            [(0, &[(2, 0.25)][..]), (1, &[(0, 1.0), (2, 2.0)]), (2, &[(2, 3.0)]), (3, &[(0, 0.5)])]
+        {
+            built.begin(row).unwrap();
+            entries.iter().for_each(|(column, value)| built.push(*column, *value));
+        }
+        assert_eq!(built.finish(4).unwrap(), rows);
+    }
+
+    #[test]
+    fn rows_that_are_not_begun_are_empty() {
+        let mut built = RowsBuilder::new(2);
+        built.begin(2).unwrap();
+        built.push(1, 4.0);
+        let rows = built.finish(5).unwrap();
+        assert_eq!(rows.view().starts, [0, 0, 0, 1, 1, 1]);
+        assert_eq!(rows.view().row(2), (&[1_u16][..], &[4.0_f32][..]));
     }
 
     #[test]

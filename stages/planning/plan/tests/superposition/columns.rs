@@ -81,7 +81,7 @@ fn weighted_columns_are_the_weighted_beam_on_fine_grids() {
 }
 
 /// Processor time of this process, seconds.
-fn cpu_s() -> f64 {
+pub fn cpu_s() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
     let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
     (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0

@@ -6,3 +6,4 @@ mod beams;
 mod columns;
 mod monte_carlo;
 mod optimised;
+mod patients;

@@ -110,6 +110,7 @@ fn searched(
     let Some(best) = best(&runs.0).cloned() else { return Err(Failure::failed("no method was run")) };
     let engine = request.setup.engine_of_plan(best.choice.best.beams.beams()).map_err(Failure::failed)?;
     if engine == request.setup.engine_name() {
+        let (prepared, best) = settled(&request, prepared, best)?;
         return Ok(Searched { request, prepared, runs, best, doses_s });
     }
     drop(prepared);
@@ -124,7 +125,21 @@ fn searched(
     doses_s += begun.elapsed().as_secs_f64();
     let (solved, _) = search::all(&request, &prepared, pooled)?;
     let Some(solved) = solved.into_iter().next() else { return Err(Failure::failed("no method was run")) };
+    let (prepared, solved) = settled(&request, prepared, solved)?;
     Ok(Searched { request, prepared, runs, best: PlanRun { choice: solved.choice, ..best }, doses_s })
+}
+
+/// The best run on columns that are corrected for it, which matters where dose is by superposition.
+fn settled(request: &Request, prepared: Prepared, best: PlanRun) -> Result<(Prepared, PlanRun), Failure> {
+    let Some(search) = request.searches.iter().find(|search| search.name == best.name) else {
+        return Ok((prepared, best));
+    };
+    let Prepared { doses, .. } = prepared;
+    let (doses, best) = match request.has_weights {
+        true => search.settle_weights(&request.setup, doses, best).map_err(Failure::wrong)?,
+        false => search.settle(&request.setup, doses, best).map_err(Failure::failed)?,
+    };
+    Ok((Prepared { doses, ..prepared }, best))
 }
 
 /// The run with the least cost, the first among equals.

@@ -4,7 +4,7 @@
 //! scatter of a bixel is that of a pencil in water at the radiological depth, times the ratio of the gathered scatter of the
 //! open field to the sum of all its pencils: so the columns together have the scatter of the superposition.
 
-use super::field::{Field, FieldVoxel};
+use super::field::{Field, FieldBox, FieldVoxel};
 use super::fluence::{BixelShape, FluenceMap, bounds};
 use super::gather::{Gather, Start, each_share};
 use super::nodes::{NODE_MM, Profiles};
@@ -12,10 +12,10 @@ use super::pencil::ScatterPencil;
 use super::primary::REACH_MM;
 use super::scatter;
 use super::section::Superposition;
-use crate::Csc;
-use crate::dose::beam::{Aim, BeamInfluence, OBLIQUE};
+use crate::dose::beam::{Aim, BeamRows, OBLIQUE};
 use crate::dose::engine::DoseEngine;
 use crate::dose::error::DoseError;
+use crate::sparse::{RowsBuilder, RowsError};
 
 /// Widths of a voxel as the source sees it, for which bixels have profiles of their own.
 const WIDTHS: usize = 8;
@@ -25,7 +25,7 @@ pub(in crate::dose) fn influence(
     engine: &DoseEngine,
     gantry_deg: f64,
     section: &Superposition,
-) -> Result<BeamInfluence, DoseError> {
+) -> Result<BeamRows, DoseError> {
     let aim = Aim::new(engine, gantry_deg)?;
     let bixels: Vec<([f64; 2], f32)> = aim.bixels_with_fluence(engine);
     let shape = BixelShape::new(engine.params.bixels.width_mm, engine.machine.file().penumbra_fwhm_at_iso_mm);
@@ -35,26 +35,29 @@ pub(in crate::dose) fn influence(
     let mut open = vec![0.0; engine.rows()];
     scatter::add(engine, &aim.frame, section, &field, (&map, bounds), &mut open);
 
-    let filer = Filer::new(engine, &bixels, &shape, &field);
+    let cut = FieldBox::around(&field, &engine.params.grid);
+    let filer = Filer::new(engine, &bixels, &shape, (&field, &cut));
     let pencil = ScatterPencil::new(section, shape.width_mm, OBLIQUE * engine.params.cutoff_mm);
-    let gather = Gather::new(&engine.params.grid, &aim.frame, &section.primary, REACH_MM, bounds);
+    let gather = Gather::new(&cut.grid, &aim.frame, &section.primary, REACH_MM, bounds);
     let mut nodes = Nodes { shares: vec![0.0; filer.counts[0] * filer.counts[1]], ..Nodes::default() };
-    let mut entries = Entries::new(bixels.len());
+    let mut entries = Entries { scatter: vec![0.0; bixels.len()], rows: RowsBuilder::new(bixels.len()) };
     let mut primary = vec![0.0; filer.across[0] * filer.across[1]];
     for voxel in field.voxels.iter().filter(|v| engine.voxels.binary_search(&v.voxel).is_ok()) {
-        filer.gather(engine, &gather, voxel, &mut nodes);
+        filer.gather(&gather, (voxel, cut.voxel(voxel.voxel)), &mut nodes);
         filer.fold(&mut nodes, voxel.side_mm, &mut primary);
-        let row = engine.row_of(voxel.voxel);
-        entries.add(engine, section, (voxel, row, open[row as usize]), (&bixels, &filer, &primary, &pencil));
+        let row = engine.row_of(voxel.voxel) as usize;
+        let of_row =
+            entries.add(engine, section, (voxel, row, open[row]), (&bixels, &filer, &primary, &pencil));
+        of_row.map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
     }
-    let dose = entries.matrix(engine.rows()).map_err(|fault| DoseError::Matrix { gantry_deg, fault })?;
-    Ok(BeamInfluence { gantry_deg, bixels_mm: aim.bixels_mm, dose })
+    let dose = entries.rows.finish(engine.rows()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
+    Ok(BeamRows { gantry_deg, bixels_mm: aim.bixels_mm, dose })
 }
 
-/// Where each voxel of the grid is seen between the nodes, and its density and TERMA.
+/// Where a voxel is seen between the nodes, and its TERMA.
 #[derive(Clone, Copy, Default)]
+#[repr(align(16))]
 struct Seen {
-    density: f32,
     terma: f32,
     node: u32,
     right: f32,
@@ -63,6 +66,9 @@ struct Seen {
 
 /// What files the shares of voxels under bixels.
 struct Filer {
+    /// Of each voxel of the field's box. The density is by itself: a line reads it of every voxel, the rest where there is
+    /// TERMA.
+    density: Vec<f32>,
     seen: Vec<Seen>,
     /// Nodes along x and z.
     counts: [usize; 2],
@@ -86,7 +92,12 @@ struct Nodes {
 }
 
 impl Filer {
-    fn new(engine: &DoseEngine, bixels: &[([f64; 2], f32)], shape: &BixelShape, field: &Field) -> Self {
+    fn new(
+        engine: &DoseEngine,
+        bixels: &[([f64; 2], f32)],
+        shape: &BixelShape,
+        (field, cut): (&Field, &FieldBox),
+    ) -> Self {
         let sides = || field.voxels.iter().map(|voxel| voxel.side_mm);
         let widths_mm = [sides().fold(f32::INFINITY, f32::min), sides().fold(0.0, f32::max)];
         let centres = [0, 1].map(|axis| {
@@ -113,29 +124,26 @@ impl Filer {
             [0, 1].map(|axis| Profiles::new(&centres[axis], shape, side_mm, first_mm[axis]))
         });
         let mut filer = Self {
-            seen: engine
-                .density
-                .iter()
-                .map(|density| Seen { density: *density, ..Seen::default() })
-                .collect(),
+            density: cut.cut(&engine.density),
+            seen: vec![Seen::default(); cut.grid.len()],
             counts,
             across,
             place,
             profiles: profiles.collect(),
             widths_mm,
         };
-        filer.see(field, first_mm);
+        filer.see(field, cut, first_mm);
         filer
     }
 
     /// Files each voxel between its nodes. Voxels beyond all nodes have no fluence of any bixel.
-    fn see(&mut self, field: &Field, first_mm: [f64; 2]) {
+    fn see(&mut self, field: &Field, cut: &FieldBox, first_mm: [f64; 2]) {
         for voxel in &field.voxels {
             let at = [0, 1].map(|axis| (f64::from(voxel.plane_mm[axis]) - first_mm[axis]) / NODE_MM);
             let is_inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < (self.counts[axis] - 1) as f64);
             if is_inside {
                 let [x, z] = at.map(|place| place as usize);
-                let seen = &mut self.seen[voxel.voxel as usize];
+                let seen = &mut self.seen[cut.grid.index(cut.voxel(voxel.voxel))];
                 seen.terma = voxel.terma[0];
                 seen.node = (x * self.counts[1] + z) as u32;
                 [seen.right, seen.back] = at.map(|place| (place - place.floor()) as f32);
@@ -143,19 +151,15 @@ impl Filer {
         }
     }
 
-    /// Files what all lines bring to a voxel.
-    fn gather(&self, engine: &DoseEngine, gather: &Gather, voxel: &FieldVoxel, nodes: &mut Nodes) {
-        let start = Start {
-            voxel: engine.params.grid.voxel(voxel.voxel as usize),
-            beam_mm: voxel.beam_mm,
-            level: gather.level(voxel.hardening),
-        };
+    /// Files what all lines bring to a voxel, which is here in the field's box.
+    fn gather(&self, gather: &Gather, (voxel, place): (&FieldVoxel, [usize; 3]), nodes: &mut Nodes) {
+        let start = Start { voxel: place, beam_mm: voxel.beam_mm, level: gather.level(voxel.hardening) };
         let stride = self.counts[1];
         let (mut low, mut high) = (u32::MAX, 0);
         let shares = nodes.shares.as_mut_slice();
         gather.each_line(&start, |start, steps, kernel| {
             each_share(
-                |place| self.seen[place].density,
+                |place| self.density[place],
                 start,
                 steps,
                 kernel,
@@ -218,28 +222,24 @@ impl Filer {
     }
 }
 
-/// Entries of the matrix, by column.
+/// Entries of the matrix, row by row.
 struct Entries {
-    columns: Vec<Vec<(u32, f32)>>,
     scatter: Vec<f32>,
+    rows: RowsBuilder,
 }
 
 /// Bixels with their fluence, where their primary dose is filed, that dose, and the scatter of a bixel.
 type Filed<'a> = (&'a [([f64; 2], f32)], &'a Filer, &'a [f32], &'a ScatterPencil);
 
 impl Entries {
-    fn new(bixels: usize) -> Self {
-        Self { columns: vec![Vec::new(); bixels], scatter: vec![0.0; bixels] }
-    }
-
     /// Adds a voxel: its row and the scatter of the open field there.
     fn add(
         &mut self,
         engine: &DoseEngine,
         section: &Superposition,
-        (voxel, row, open): (&FieldVoxel, u32, f32),
+        (voxel, row, open): (&FieldVoxel, usize, f32),
         (bixels, filer, primary, pencil): Filed<'_>,
-    ) {
+    ) -> Result<(), RowsError> {
         let cutoff2 = (engine.params.cutoff_mm * engine.params.cutoff_mm) as f32;
         // Distances in the plane of the voxel, for a kernel in millimetres of tissue.
         let width_mm = libm::cbrt(engine.params.grid.spacing_mm.iter().product()) as f32;
@@ -256,26 +256,16 @@ impl Entries {
         }
         let ratio = if sum > 0.0 { open / sum } else { 0.0 };
         let scale = section.gray_per_mev_g as f32;
+        self.rows.begin(row)?;
         for (column, (scatter, (_, fluence))) in self.scatter.iter().zip(bixels).enumerate() {
             if *scatter >= 0.0 {
                 let dose = scale * (primary[filer.place[column]] * fluence + scatter * ratio);
                 // The fit of a bixel may be negative at its foot; no dose is.
                 if dose > 0.0 {
-                    self.columns[column].push((row, dose));
+                    self.rows.push(column as u16, dose);
                 }
             }
         }
-    }
-
-    fn matrix(self, rows: usize) -> Result<Csc, crate::CscError> {
-        let count = self.columns.iter().map(Vec::len).sum();
-        let mut starts = vec![0_u64];
-        let (mut row, mut value) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        for column in self.columns {
-            row.extend(column.iter().map(|(row, _)| *row));
-            value.extend(column.iter().map(|(_, value)| *value));
-            starts.push(row.len() as u64);
-        }
-        Csc::new(rows, starts, row, value)
+        Ok(())
     }
 }

@@ -6,6 +6,7 @@ use crate::dose::beam::inverse_square;
 use crate::dose::depth::{LitVoxel, depths_mm};
 use crate::dose::engine::DoseEngine;
 use crate::dose::frame::BeamFrame;
+use stillpoint_patient::Grid;
 
 /// Distance beside the fluence within which there is primary dose, mm on the isocentre plane.
 const PRIMARY_MARGIN_MM: f64 = 50.0;
@@ -71,6 +72,53 @@ impl Field {
             }
         };
         Self { voxels: lit.iter().zip(depths).map(of).collect() }
+    }
+}
+
+/// The box of the dose grid around the voxels of a field. Lines that leave it meet no TERMA any more, and the fewer voxels
+/// lines read from, the more of them stay in the processor's cache.
+#[derive(Clone, Debug)]
+pub(super) struct FieldBox {
+    pub grid: Grid,
+    whole: Grid,
+    low: [usize; 3],
+}
+
+impl FieldBox {
+    /// Around the voxels of a field on a dose grid.
+    pub fn around(field: &Field, whole: &Grid) -> Self {
+        let mut extent = whole.counts.map(|count| [count - 1, 0]);
+        for place in field.voxels.iter().map(|voxel| whole.voxel(voxel.voxel as usize)) {
+            for ([low, high], place) in extent.iter_mut().zip(place) {
+                (*low, *high) = ((*low).min(place), (*high).max(place));
+            }
+        }
+        let low = extent.map(|[low, high]| low.min(high));
+        let grid = Grid {
+            counts: std::array::from_fn(|axis| extent[axis][1] + 1 - low[axis]),
+            spacing_mm: whole.spacing_mm,
+            origin_mm: whole.centre_mm(low),
+        };
+        Self { grid, whole: *whole, low }
+    }
+
+    /// Where a voxel of the dose grid is in the box.
+    pub fn voxel(&self, voxel: u32) -> [usize; 3] {
+        let place = self.whole.voxel(voxel as usize);
+        std::array::from_fn(|axis| place[axis] - self.low[axis])
+    }
+
+    /// What a volume over the dose grid holds in the box.
+    pub fn cut(&self, volume: &[f32]) -> Vec<f32> {
+        let [width, rows, slices] = self.grid.counts;
+        let mut cut = Vec::with_capacity(self.grid.len());
+        for z in 0..slices {
+            for y in 0..rows {
+                let start = self.whole.index([self.low[0], self.low[1] + y, self.low[2] + z]);
+                cut.extend_from_slice(&volume[start..start + width]);
+            }
+        }
+        cut
     }
 }
 

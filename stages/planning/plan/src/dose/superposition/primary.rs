@@ -1,6 +1,6 @@
 //! Dose of the charged particles that photons of the source set free.
 
-use super::field::Field;
+use super::field::{Field, FieldBox};
 use super::fluence::FluenceMap;
 use super::gather::{Cell, Gather, Start};
 use super::section::Superposition;
@@ -19,17 +19,17 @@ pub(super) fn add(
     (map, bounds): (&FluenceMap, [[f64; 2]; 2]),
     dose: &mut [f32],
 ) {
-    let grid = &engine.params.grid;
-    let mut cells: Vec<Cell> = engine.density.iter().map(|density| [*density, 0.0]).collect();
+    let cut = FieldBox::around(field, &engine.params.grid);
+    let mut cells: Vec<Cell> = cut.cut(&engine.density).into_iter().map(|density| [density, 0.0]).collect();
     for voxel in &field.voxels {
         let fluence = map.mean(voxel.plane_mm.map(f64::from), f64::from(voxel.side_mm));
-        cells[voxel.voxel as usize][1] = voxel.terma[0] * fluence as f32;
+        cells[cut.grid.index(cut.voxel(voxel.voxel))][1] = voxel.terma[0] * fluence as f32;
     }
-    let gather = Gather::new(grid, frame, &section.primary, REACH_MM, bounds);
+    let gather = Gather::new(&cut.grid, frame, &section.primary, REACH_MM, bounds);
     for voxel in &field.voxels {
         if engine.voxels.binary_search(&voxel.voxel).is_ok() {
             let start = Start {
-                voxel: grid.voxel(voxel.voxel as usize),
+                voxel: cut.voxel(voxel.voxel),
                 beam_mm: voxel.beam_mm,
                 level: gather.level(voxel.hardening),
             };
