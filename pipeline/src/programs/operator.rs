@@ -108,20 +108,26 @@ impl ErasedOperator for ProgramOperator {
         if let Some(panic) = head["panic"].as_str() {
             resume_unwind(Box::new(panic.to_owned()));
         }
-        let Some(sent) = head["sent"].as_array() else { return Err(StepError(reason(head).to_owned())) };
-        for (port, pieces) in sent.iter().zip(answer.strings.chunks(2)) {
-            if let ([meta, payload], Some(port)) = (pieces, port.as_u64()) {
-                outputs.send_pieces(port as usize, Pieces { meta: meta.get(), payload: payload.get() })?;
-            }
-        }
-        if let Some(origin) = head["origin"].as_u64() {
-            outputs.acquired_at(origin);
-        }
-        if head["finished"] == true {
-            outputs.finish();
-        }
-        Ok(())
+        take(&answer, outputs)
     }
+}
+
+/// Takes what a step sent.
+fn take(answer: &Message, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let head = &answer.head;
+    let Some(sent) = head["sent"].as_array() else { return Err(StepError(reason(head).to_owned())) };
+    for (port, pieces) in sent.iter().zip(answer.strings.chunks(2)) {
+        if let ([meta, payload], Some(port)) = (pieces, port.as_u64()) {
+            outputs.send_pieces(port as usize, Pieces { meta: meta.get(), payload: payload.get() })?;
+        }
+    }
+    if let Some(origin) = head["origin"].as_u64() {
+        outputs.acquired_at(origin);
+    }
+    if head["finished"] == true {
+        outputs.finish();
+    }
+    Ok(())
 }
 
 /// A step reads no files.

@@ -13,7 +13,7 @@
 //! - `charts`: histograms and searches as SVG; `tree`: the sets that a search went through
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
-//! - `matrix`: the dose matrix for other optimisers, and weights of theirs
+//! - `matrix`, `weights`: the dose matrix for other optimisers, and weights of theirs
 
 mod args;
 mod charts;
@@ -32,6 +32,7 @@ mod request;
 mod search;
 mod table;
 mod tree;
+mod weights;
 
 use std::num::NonZeroUsize;
 
