@@ -44,7 +44,7 @@ fn broken_messages_of_a_program_end_a_run_in_order() {
     )
     .unwrap();
     let (mut refused, mut ran) = (0, 0);
-    for seed in cases(48) {
+    for seed in cases(24) {
         let mut command = bench.command(&["run", text(&file), "--clock", "simulated", "--for", "120 ms"]);
         command.env("GARBLE_SEED", seed.to_string()).env("GARBLE_PROGRAM", PROGRAM);
         let done = bench.begin(command).finish();
@@ -111,7 +111,7 @@ fn damaged_sessions_are_compared_and_run_again_in_order() {
     let report = bench.call(&run).good();
     let whole = report["session"].as_str().unwrap();
     let (mut refused, mut ran) = (0, 0);
-    for seed in cases(24) {
+    for seed in cases(16) {
         let broken = format!("broken-{seed}");
         damage(&bench.path(whole), &bench.path(&broken), &mut ChaCha8Rng::seed_from_u64(seed));
         for arguments in [
