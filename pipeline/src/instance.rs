@@ -16,6 +16,7 @@ use crate::operator::{Files, Setup};
 use crate::outputs::Outputs;
 use crate::outside::Outside;
 use crate::params::SetError;
+use crate::programs::Killed;
 use crate::record::Record;
 use crate::settings::{Settings, TakenChange, with_changes};
 
@@ -38,6 +39,8 @@ pub struct OperatorInstance {
     sent: Vec<Sent>,
     drafts: Vec<Draft>,
     fault: Option<String>,
+    /// A signal has ended the program that does its steps.
+    is_killed: bool,
 }
 
 /// The last sample that an input brought.
@@ -92,6 +95,7 @@ impl OperatorInstance {
             sent: vec![Sent::default(); node.outputs.len()],
             drafts: Vec::new(),
             fault: None,
+            is_killed: false,
         })
     }
 
@@ -108,6 +112,16 @@ impl OperatorInstance {
     /// The reason of the last activation that failed.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
+    }
+
+    /// Whether a signal has ended the program that does its steps. Nothing in its journal can cause that again.
+    pub fn is_killed(&self) -> bool {
+        self.is_killed
+    }
+
+    fn panicked(&mut self, panic: &(dyn std::any::Any + Send)) {
+        self.is_killed = panic.is::<Killed>();
+        self.fault = Some(panic_text(panic));
     }
 
     /// The entry that marks the beginning or the end of the incarnation. The tick of a beginning is the number of changes of
@@ -220,7 +234,7 @@ impl OperatorInstance {
                 Outcome::Error
             }
             (Err(panic), _) => {
-                self.fault = Some(panic_text(&*panic));
+                self.panicked(&*panic);
                 Outcome::Panic
             }
         };
@@ -276,7 +290,7 @@ impl OperatorInstance {
                 }
             }
             Err(panic) => {
-                self.fault = Some(panic_text(&*panic));
+                self.panicked(&*panic);
                 Outcome::Panic
             }
         };
@@ -421,5 +435,6 @@ fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
         .downcast_ref::<&str>()
         .map(|s| (*s).to_string())
         .or_else(|| panic.downcast_ref::<String>().cloned())
+        .or_else(|| panic.downcast_ref::<Killed>().map(|killed| killed.0.clone()))
         .unwrap_or_else(|| "a panic without words".to_string())
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,8 @@ class Activation:
         except KeyError:
             raise KeyError(f"there is no output {name!r}; there are {', '.join(self._runner.outputs)}") from None
         meta = np.zeros(1, kind.meta_dtype)
-        elements = _elements(kind, like, fields)
+        before = sum(1 for sent, _, _ in self._sent if sent == number)
+        elements = _elements(kind, like, fields, lambda count: self._runner.room(number, before, count))
         if isinstance(like, Sample):
             for field in kind.head:
                 meta[field.name] = like._meta[field.name]
@@ -104,15 +105,23 @@ class Activation:
 _HEADER = ("stamp", "origin", "sequence", "incarnation", "count")
 
 
-def _elements(kind: SampleType, like: Any, fields: Mapping[str, Any]) -> np.ndarray:
-    """The elements of a sample that is sent: a copy of `like`, or as many as its fields have."""
+def _elements(
+    kind: SampleType, like: Any, fields: Mapping[str, Any], room: Callable[[int], np.ndarray]
+) -> np.ndarray:
+    """The elements of a sample that is sent: a copy of `like` in `room`, or as many as its fields have."""
+
+    def copied(given: np.ndarray) -> np.ndarray:
+        copy = room(given.size)
+        copy[:] = given.reshape(-1)
+        return copy
+
     if isinstance(like, Sample):
         if like.type.type_name != kind.type_name:
             raise TypeError(f"the output sends {kind.name}, not {like.type.name}")
-        return like.elements.copy()
+        return copied(like.elements)
     if like is not None:
         given = np.ascontiguousarray(like, kind.element)
-        return (given.copy() if given is like else given).reshape(-1)
+        return copied(given) if given is like else given.reshape(-1)
     if not kind.is_slice:
         return np.zeros(1, kind.element)
     if kind.element.names is None:
@@ -121,6 +130,10 @@ def _elements(kind: SampleType, like: Any, fields: Mapping[str, Any]) -> np.ndar
     if len(counts) > 1:
         raise ValueError(f"the fields of the elements have {sorted(counts)} values: give the same number of each")
     return np.zeros(counts.pop() if counts else 0, kind.element)
+
+
+# Samples of an output in one step whose memory later steps use again.
+_ROOMS = 4
 
 
 class Runner:
@@ -134,6 +147,7 @@ class Runner:
         self.inputs = {key: types[v.sample] for key, v in declared.items() if isinstance(v, Input)}
         outputs = [(key, types[v.sample]) for key, v in declared.items() if isinstance(v, Output)]
         self.outputs = {key: (number, kind) for number, (key, kind) in enumerate(outputs)}
+        self._rooms: list[list[np.ndarray]] = [[np.empty(0, kind.element)] * _ROOMS for _, kind in outputs]
         code = found.step.__code__
         self.place = f"{code.co_filename}:{code.co_firstlineno}, in step"
         self.object = found.__new__(found)
@@ -150,6 +164,16 @@ class Runner:
         finally:
             activation._close()
         return activation._sent, activation.finished
+
+    def room(self, output: int, before: int, count: int) -> np.ndarray:
+        """Memory for the elements of a sample that a step sends, after `before` others on this output. What is sent is copied
+        out of it before the next step, which uses it again: fresh pages cost more than a copy."""
+        rooms = self._rooms[output]
+        if before >= _ROOMS:
+            return np.empty(count, rooms[0].dtype)
+        if len(rooms[before]) < count:
+            rooms[before] = np.empty(count, rooms[0].dtype)
+        return rooms[before][:count]
 
     def explain(self, error: BaseException) -> str:
         """An exception in words, with its place in the source."""

@@ -53,6 +53,7 @@ mod ledger;
 mod link;
 mod live;
 mod looking;
+mod lying;
 mod planted;
 mod programs;
 mod recording;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::bench::{Bench, pipeline, text};
+use crate::bench::{Bench, pipeline, text, wait_for};
 
 /// A program with the kit's operators and the control laws.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_kit-program");
@@ -101,6 +101,90 @@ fn an_operator_in_a_program_that_panics_or_ends_or_hangs_begins_anew() {
         let replay = bench.call(&["--trust", "replay", session, "--json"]);
         assert_eq!(replay.json()["identical_all"], true, "{habit}: {}{}", replay.out, replay.err);
     }
+}
+
+/// The process numbers of programs that serve a child of this process.
+fn served_by(parent: u32) -> Vec<u32> {
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    let serving = |e: std::fs::DirEntry| {
+        let number: u32 = e.file_name().to_str()?.parse().ok()?;
+        let stat = std::fs::read_to_string(e.path().join("stat")).ok()?;
+        let is_child = stat.rsplit_once(')')?.1.split_whitespace().nth(1)? == parent.to_string();
+        let line = std::fs::read(e.path().join("cmdline")).ok()?;
+        (is_child && line.split(|b| *b == 0).any(|word| word == b"--serve")).then_some(number)
+    };
+    entries.filter_map(serving).collect()
+}
+
+#[test]
+fn a_program_that_is_killed_begins_anew_and_the_session_replays_also_alone() {
+    let bench = Bench::new();
+    let own = in_program(&bench, "settings.yaml", &["control.pi"]);
+    let run = bench.start(&["run", text(&own), "--json", "--record", "s"]);
+    bench.wait_for_samples("law.duties", 2);
+    let lives = |life: u32| {
+        wait_for("a sample of the new incarnation", || {
+            let line = bench.call(&["echo", "--json", "law.duties", "--count", "1"]).out;
+            let sample: serde_json::Value = serde_json::from_str(line.lines().next()?).ok()?;
+            (sample["incarnation"] == life).then_some(())
+        });
+    };
+    for life in 0..2 {
+        lives(life);
+        let law = run.child("law", 0);
+        let program = wait_for("the program", || served_by(law).pop());
+        crate::bench::signal(program, rustix::process::Signal::KILL);
+    }
+    lives(2);
+    let report = run.stop().json();
+    assert_eq!(report["balanced"], true, "{report}");
+    let faults = report["faults"].to_string();
+    assert!(faults.contains("the program ended (signal: 9"), "{faults}");
+    let session = report["session"].as_str().unwrap();
+    let begun = crate::live::journal(&bench, session, "law").iter().filter(|e| e["cause"] == 0).count();
+    assert_eq!(begun, 3, "{report}");
+    for only in [&[][..], &["--only", "law"]] {
+        let replay = bench.call(&[&["--trust", "replay", session, "--json"], only].concat());
+        assert_eq!(replay.code(), 0, "{only:?}: {}{}", replay.out, replay.err);
+        let replay = replay.json();
+        assert_eq!(replay["identical_all"], true, "{only:?}: {replay}");
+        assert!(replay["identical"]["law.duties"].as_u64().unwrap() > 2, "{only:?}: {replay}");
+    }
+    let refused = bench.call(&["replay", session, "--only", "law"]);
+    assert!(refused.code() == 2 && refused.err.contains("--trust"), "{}{}", refused.out, refused.err);
+}
+
+#[test]
+fn clouds_of_a_megabyte_and_operators_with_laps_have_the_same_bytes_in_a_program() {
+    let bench = Bench::new();
+    let write = |name: &str, program: &str| {
+        let kind = |kind: &str| match program {
+            "" => kind.to_owned(),
+            program => format!("{{ program: {program}, kind: {kind} }}"),
+        };
+        let text = format!(
+            "stillpoint: 1\nname: clouds\noperators:\n  bulk: {{ use: {}, every: 50 ms, params: {{ points: 100000 }} }}\n  drain: {{ use: \
+             {}, inputs: {{ cloud: bulk.cloud }} }}\n  source: {{ use: kit.outside, every: 20 ms }}\n  laps: {{ use: {}, inputs: {{ from: \
+             source.value }} }}\nrecord: {{ topics: [bulk.cloud, laps.same] }}\n",
+            kind("kit.bulk"),
+            kind("kit.drain"),
+            kind("kit.lapping"),
+        );
+        std::fs::write(bench.path(name), text).unwrap();
+    };
+    write("native.yaml", "");
+    write("program.yaml", PROGRAM);
+    let simulated = ["--clock", "simulated", "--for", "300 ms"];
+    let native = session(&bench, "native.yaml", &simulated);
+    let program = session(&bench, "program.yaml", &simulated);
+    let diff = bench.call(&["diff", &native, &program, "--json"]).good();
+    assert_eq!(diff["identical_all"], true, "{diff}");
+    let info = bench.call(&["info", &program, "--json"]).good();
+    let topics = info["topics"].as_array().unwrap();
+    let cloud = topics.iter().find(|topic| topic["name"] == "bulk.cloud").unwrap();
+    assert!(cloud["bytes"].as_u64().unwrap() >= 5 * 1_200_000, "{cloud}");
+    let replay = bench.call(&["--trust", "replay", &program, "--json"]).good();
+    assert_eq!(replay["identical_all"], true, "{replay}");
 }
 
 #[test]

@@ -136,6 +136,9 @@ pub enum PollOutcome {
     Activated(Outcome),
     /// Nothing to do before this time, ns; `None`: before something arrives.
     Idle(Option<u64>),
+    /// A signal ended the program that does the steps. The activation is not committed: nothing in a journal could cause
+    /// that again, and a replay would differ.
+    Killed,
 }
 
 impl OperatorRunner {
@@ -299,6 +302,9 @@ impl OperatorRunner {
         let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut memory);
         if let Some(fault) = memory.fault {
             return Err(fault.into());
+        }
+        if self.instance.is_killed() {
+            return Ok(PollOutcome::Killed);
         }
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.finished |= outcome == Outcome::Finished;

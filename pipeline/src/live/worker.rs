@@ -300,6 +300,11 @@ impl Worker {
                         reported?;
                     }
                 }
+                // As if the signal had been for this process: so the ledger and a replay know what to make of it.
+                PollOutcome::Killed => {
+                    let reason = runner.instance.fault().unwrap_or_default();
+                    end_worker(&self.graph.operators[runner.operator].name, reason)
+                }
                 PollOutcome::Idle(at) => next = [next, at].into_iter().flatten().min(),
             }
         }

@@ -11,4 +11,6 @@ mod describe;
 mod operator;
 mod process;
 
+pub(crate) use operator::Killed;
+
 pub use describe::{describe, name_of, refuse_recorded, trust_recorded};

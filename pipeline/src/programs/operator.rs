@@ -11,7 +11,7 @@ use stillpoint_operator::{Activation, AdoptError, ErasedOperator, Outputs, Setup
 use stillpoint_samples::Pieces;
 
 use super::describe::{Declared, Given};
-use super::process::Process;
+use super::process::{Ended, Process};
 use crate::operator::{Files, FilesError};
 
 /// An operator whose steps another process does.
@@ -92,8 +92,7 @@ impl ErasedOperator for ProgramOperator {
         })?;
         let adopt =
             json!({ "op": "adopt", "params": entries_to_json(&given.entries), "place": span(given.place) });
-        let answer =
-            self.process.ask(&adopt, &[], &Closed).unwrap_or_else(|e| resume_unwind(Box::new(e.to_string())));
+        let answer = self.process.ask(&adopt, &[], &Closed).unwrap_or_else(|e| unwind(&e));
         match answer.head["panic"].as_str() {
             Some(panic) => resume_unwind(Box::new(panic.to_owned())),
             None if answer.head["adopted"] == true => Ok(()),
@@ -102,26 +101,43 @@ impl ErasedOperator for ProgramOperator {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        // A process that is gone has no state any more, as after a panic: the operator begins anew.
-        let answer = self.stepped(activation).unwrap_or_else(|e| resume_unwind(Box::new(e.to_string())));
+        let answer = self.stepped(activation).unwrap_or_else(|e| unwind(&e));
         let head = &answer.head;
         if let Some(panic) = head["panic"].as_str() {
             resume_unwind(Box::new(panic.to_owned()));
         }
-        let Some(sent) = head["sent"].as_array() else { return Err(StepError(reason(head).to_owned())) };
-        for (port, pieces) in sent.iter().zip(answer.strings.chunks(2)) {
-            if let ([meta, payload], Some(port)) = (pieces, port.as_u64()) {
-                outputs.send_pieces(port as usize, Pieces { meta: meta.get(), payload: payload.get() })?;
-            }
-        }
-        if let Some(origin) = head["origin"].as_u64() {
-            outputs.acquired_at(origin);
-        }
-        if head["finished"] == true {
-            outputs.finish();
-        }
-        Ok(())
+        take(&answer, outputs)
     }
+}
+
+/// The words of an operator whose program a signal has ended. No activation caused that, so a journal does not say so.
+pub struct Killed(pub String);
+
+/// A process that is gone has no state any more, as after a panic: the operator begins anew.
+fn unwind(error: &io::Error) -> ! {
+    let ended = error.get_ref().and_then(|inner| inner.downcast_ref::<Ended>());
+    match ended.is_some_and(|ended| ended.by_signal) {
+        true => resume_unwind(Box::new(Killed(error.to_string()))),
+        false => resume_unwind(Box::new(error.to_string())),
+    }
+}
+
+/// Takes what a step sent.
+fn take(answer: &Message, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let head = &answer.head;
+    let Some(sent) = head["sent"].as_array() else { return Err(StepError(reason(head).to_owned())) };
+    for (port, pieces) in sent.iter().zip(answer.strings.chunks(2)) {
+        if let ([meta, payload], Some(port)) = (pieces, port.as_u64()) {
+            outputs.send_pieces(port as usize, Pieces { meta: meta.get(), payload: payload.get() })?;
+        }
+    }
+    if let Some(origin) = head["origin"].as_u64() {
+        outputs.acquired_at(origin);
+    }
+    if head["finished"] == true {
+        outputs.finish();
+    }
+    Ok(())
 }
 
 /// A step reads no files.

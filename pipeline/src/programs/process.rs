@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -71,6 +71,15 @@ fn in_proc(file: &File) -> String {
     format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd())
 }
 
+/// How a process of a program ended.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("the program ended ({how})")]
+pub struct Ended {
+    how: String,
+    /// A signal ended it: from outside, or for what no code may do.
+    pub by_signal: bool,
+}
+
 /// A process of a program. It ends with this value, or with the process that holds it.
 pub struct Process {
     child: Child,
@@ -126,11 +135,11 @@ impl Process {
     /// The error that the process is gone, with what it left.
     fn gone(&mut self) -> io::Error {
         let _ = self.child.kill();
-        let how = match self.child.wait() {
-            Ok(status) => status.to_string(),
-            Err(e) => e.to_string(),
+        let (how, by_signal) = match self.child.wait() {
+            Ok(status) => (status.to_string(), status.signal().is_some()),
+            Err(e) => (e.to_string(), false),
         };
-        io::Error::new(ErrorKind::BrokenPipe, format!("the program ended ({how})"))
+        io::Error::new(ErrorKind::BrokenPipe, Ended { how, by_signal })
     }
 }
 

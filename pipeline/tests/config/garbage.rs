@@ -35,6 +35,16 @@ fn holds(text: &str) {
     }
 }
 
+/// Good arguments of `--set`.
+const SETS: &[&str] = &[
+    "face.leaf=5 mm",
+    "target.step.by=[1 mm, 2 mm, 3 mm]",
+    "mrac.every=20 ms",
+    "seed=99",
+    "face.use=segment.face",
+    "filter.inputs.measurement={ from: head.pose, queue: 1 }",
+];
+
 /// What is put into a good file.
 fn piece() -> impl Strategy<Value = String> {
     prop_oneof![
@@ -145,6 +155,19 @@ proptest! {
                 prop_assert!(faults.list().iter().all(|f| f.message.len() + f.help.len() < 2000));
                 prop_assert!(faults.to_string().len() < MOST_FAULTS * 4000);
             }
+        }
+    }
+
+    #[test]
+    fn broken_sets_are_refused_at_the_argument_or_checked(
+        sets in prop::collection::vec(edited(SETS.to_vec()), 1..4),
+    ) {
+        let (_, file) = FILES[0];
+        if let Err(faults) = check(file, "any.yaml", &sets, &registry(), &Disk) {
+            prop_assert!(!faults.list().is_empty() && faults.list().len() <= MOST_FAULTS);
+            prop_assert!(faults.list().iter().all(|f| f.message.len() + f.help.len() < 2000));
+            let place = format!("{faults}");
+            prop_assert!(place.contains("--set") || place.contains("any.yaml:"), "{place}");
         }
     }
 

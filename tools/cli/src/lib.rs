@@ -109,6 +109,10 @@ const TRUST: &str = "--trust";
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
 struct Arguments {
+    /// Start programs and sources of operators that a session keeps. They are code of whoever recorded it, and are not started
+    /// unasked. Only before the subcommand: `stillpoint --trust replay SESSION`.
+    #[arg(long)]
+    trust: bool,
     #[command(subcommand)]
     command: Option<Command>,
 }
@@ -154,6 +158,9 @@ pub fn hosted_command(registry: &Registry) -> u8 {
         Some(ExitCode::SUCCESS) => 0,
         Some(_) => CHILD_FAILED,
         None => program::executed("stillpoint", |arguments: Arguments| {
+            if arguments.trust {
+                programs::trust_recorded();
+            }
             arguments.command.unwrap_or_else(|| Command::Run(Run::default())).execute(registry)
         }) as u8,
     }

@@ -4,7 +4,7 @@ use std::fmt::{Display, Formatter};
 
 use stillpoint_pipeline::config::near::nearest;
 use stillpoint_samples::{
-    Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Names, Pieces, Sample, SampleKind, Shape,
+    Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Names, Pieces, Primitive, Sample, SampleKind, Shape,
 };
 
 use crate::number::{Number, parts_of, single_unit};
@@ -46,6 +46,18 @@ pub struct Found<'a> {
     pub values: Vec<Number>,
     /// Whether the path names the whole array.
     pub is_array: bool,
+}
+
+/// What stands behind a path in every sample of its kind.
+pub struct Values {
+    /// The type of a value.
+    pub primitive: Primitive,
+    /// Whether the path names a whole array.
+    pub is_array: bool,
+    /// The unit of the values; a field with several units names all.
+    pub unit: &'static str,
+    /// What the numbers mean.
+    pub names: Names,
 }
 
 /// A step of a path.
@@ -107,6 +119,27 @@ impl ValuePath {
         Ok(Self { text: text.to_owned(), place })
     }
 
+    /// What the values in samples of the kind are.
+    pub fn values(&self, kind: &'static SampleKind) -> Values {
+        let computed = |unit| Values { primitive: Primitive::F64, is_array: false, unit, names: Names::None };
+        match &self.place {
+            Place::Field { field, index, .. } => Values {
+                primitive: field.primitive,
+                is_array: field.array > 0 && index.is_none(),
+                unit: index.map_or(field.unit, |index| single_unit(field, index)),
+                names: field.names,
+            },
+            Place::Bare { .. } => Values {
+                primitive: kind.bare.unwrap_or(Primitive::U8),
+                is_array: false,
+                unit: "",
+                names: Names::None,
+            },
+            Place::Metric(_) => computed(""),
+            Place::Angle { .. } => computed("rad"),
+        }
+    }
+
     /// The value in a sample of the kind; `None` where the sample has fewer elements.
     pub fn find<'a>(&self, kind: &'static SampleKind, sample: Pieces<'a>) -> Option<Found<'a>> {
         match &self.place {
@@ -119,12 +152,11 @@ impl ValuePath {
                     }
                 };
                 let all = Number::all(field, bytes.get(..field.size())?);
-                let is_array = field.array > 0 && index.is_none();
+                let Values { is_array, unit, .. } = self.values(kind);
                 let values = match index {
                     Some(index) => vec![*all.get(*index)?],
                     None => all,
                 };
-                let unit = index.map_or(field.unit, |index| single_unit(field, index));
                 Some(Found { field: Some(field), unit, values, is_array })
             }
             Place::Bare { element } => {

@@ -64,11 +64,11 @@ impl FromStr for Sweep {
             return Err(wrong("FROM and TO are the same"));
         }
         let step = |i: usize| from + (to - from) * i as f64 / (count - 1) as f64;
-        Ok(Self {
-            parameter: parameter.trim().to_owned(),
-            unit: unit.trim().to_owned(),
-            values: (0..count).map(step).collect(),
-        })
+        let values: Vec<f64> = (0..count).map(step).collect();
+        if values.iter().any(|value| !value.is_finite()) {
+            return Err(wrong("FROM and TO are too far apart"));
+        }
+        Ok(Self { parameter: parameter.trim().to_owned(), unit: unit.trim().to_owned(), values })
     }
 }
 
@@ -233,6 +233,8 @@ fn value_of(point: &Point, name: &str) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -260,9 +262,43 @@ mod tests {
             "law.p=nan..2/3",
             "law.p=2..2/3",
             "law.p=1..inf/4",
+            "law.p=-1e308..1e308/3",
+            "law.p=1..1e308/9",
         ] {
             let error = text.parse::<Sweep>().unwrap_err().to_string();
             assert!(error.contains("OPERATOR.PARAM=FROM..TO/COUNT") && error.contains(text), "{error}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn broken_sweeps_are_refused_or_have_finite_values(
+            pieces in prop::collection::vec(
+                prop_oneof![
+                    prop::sample::select(vec![
+                        "law.proportional", "=", "..", "/", "1", "5", "-", "1e308", "-1e308", "1e999", "nan", "inf", " ", "1/s", "9",
+                        "1000", "1001", "0", "é", "\0", "18446744073709551616", "0x10", ".",
+                    ])
+                    .prop_map(str::to_owned),
+                    any::<char>().prop_map(String::from),
+                ],
+                0..12,
+            ),
+            is_sound in any::<bool>(),
+        ) {
+            let mut text = pieces.concat();
+            if is_sound {
+                text = format!("law.proportional={text}..1e308 1/s/9");
+            }
+            match text.parse::<Sweep>() {
+                Ok(sweep) => {
+                    prop_assert!((2..=MOST_VALUES).contains(&sweep.values.len()));
+                    prop_assert!(sweep.values.iter().all(|value| value.is_finite()), "{text:?}");
+                }
+                Err(refused) => prop_assert!(!refused.to_string().is_empty()),
+            }
         }
     }
 }

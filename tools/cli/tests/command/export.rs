@@ -8,7 +8,7 @@ use stillpoint_samples::{Pieces, Sample, Track};
 
 use crate::{root, stillpoint, text};
 
-fn recorded(folder: &Path) -> PathBuf {
+pub fn recorded(folder: &Path) -> PathBuf {
     let file = root().join("examples/one-dof-tracking.yaml").canonicalize().unwrap().display().to_string();
     let run = ["run", &file, "--clock", "simulated", "--for", "700 ms", "--record", "s", "--json"];
     let out = stillpoint(folder, &run);
@@ -17,7 +17,7 @@ fn recorded(folder: &Path) -> PathBuf {
     folder.join(report["session"].as_str().unwrap())
 }
 
-fn export(folder: &Path, session: &Path, arguments: &[&str]) -> Value {
+pub fn export(folder: &Path, session: &Path, arguments: &[&str]) -> Value {
     let out = stillpoint(folder, &[&["export", session.to_str().unwrap(), "--json"], arguments].concat());
     assert!(out.status.success(), "{arguments:?}: {}{}", text(&out.stdout), text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -111,6 +111,8 @@ fn wrong_exports_are_refused_and_leave_nothing() {
             2,
             "--field chooses columns",
         ),
+        #[cfg(not(feature = "parquet"))]
+        (&["--format", "parquet", "--out", "x"], 2, "--features stillpoint/parquet"),
         (&["--out", "there"], 1, "it is there already"),
     ] {
         let out = stillpoint(folder.path(), &[&["export", session], arguments].concat());

@@ -16,6 +16,8 @@ mod identity;
 mod loops;
 mod merge;
 mod new;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod plan;
 mod queue;
 mod reach;

@@ -1,14 +1,18 @@
 //! `stillpoint export`: topics of a session for other tools.
 //!
-//! - `csv`: a table of numbers per topic
+//! - `table`: topics as tables, whatever the file
+//! - `csv`, `parquet`: a table as a file; Parquet needs the feature `parquet`
 //! - `mcap`: a smaller recording
 //! - `sample`: one sample as a file of its own
 
 mod csv;
 mod mcap;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod sample;
+mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -20,10 +24,11 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::recorded::with_topics;
 use crate::tap::no_topic;
 
-/// Write topics of a session as CSV tables or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
+/// Write topics of a session as tables (CSV, Parquet) or as a smaller MCAP recording, or one sample as PLY, PCD or PNG.
 ///
-/// Each CSV file has a line for each sample, or for each element of a sample that has many. Numbers are as the sample has
-/// them: SI units, codes as numbers. The first line names the columns with their units.
+/// Each table has a line for each sample, or for each element of a sample that has many. Numbers are as the sample has
+/// them: SI units, codes as numbers. The first line of CSV names the columns with their units. Columns of Parquet have the
+/// types of the fields, and units and words of codes as metadata.
 #[derive(Args)]
 pub struct Export {
     /// The session: a folder of parts, or one file.
@@ -31,7 +36,7 @@ pub struct Export {
     /// The topics. Default: all topics whose samples have one set of numbers; for MCAP, all topics.
     #[arg(value_name = "TOPIC")]
     topics: Vec<String>,
-    /// The values of a CSV table, such as `pose.z`. Default: all of them. Needs one topic.
+    /// The values of a table, such as `pose.z`. Default: all of them. Needs one topic.
     #[arg(long, value_name = "PATH")]
     field: Vec<String>,
     /// Only samples from this session time on, such as `2s`.
@@ -63,6 +68,8 @@ enum Format {
     /// A table of comma-separated values for each topic.
     #[default]
     Csv,
+    /// A table of Apache Parquet for each topic, compressed by Zstandard. Needs a build with the feature `parquet`.
+    Parquet,
     /// A recording.
     Mcap,
     /// One cloud, binary; points without a measurement are left out.
@@ -101,8 +108,9 @@ impl Export {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let session = with_topics(Session::open_any(&self.session), &self.session)?;
-        if self.format != Format::Csv && !self.field.is_empty() {
-            return Err(Failure::wrong("--field chooses columns of CSV tables: remove it, or --format"));
+        let is_table = matches!(self.format, Format::Csv | Format::Parquet);
+        if !is_table && !self.field.is_empty() {
+            return Err(Failure::wrong("--field chooses columns of tables: remove it, or --format"));
         }
         let is_single = matches!(self.format, Format::Ply | Format::Pcd | Format::Png);
         if is_single != self.sample.is_some() || is_single && self.topics.len() != 1 {
@@ -119,7 +127,12 @@ impl Export {
         stillpoint_pipeline::session_recorder::create_folder(&self.out)
             .map_err(|e| Failure::failed(e.to_string().replace("--record", "--out")))?;
         let written = match self.format {
-            Format::Csv => csv::write(&session, &chosen, &self.field, &self.out),
+            Format::Csv => {
+                table::write(&session, &chosen, &self.field, &self.out, "csv", |file, _, columns| {
+                    Ok(Box::new(csv::Csv::create(file, columns)?))
+                })
+            }
+            Format::Parquet => parquet(&session, &chosen, &self.field, &self.out),
             Format::Mcap => mcap::write(&session, &chosen, &self.out, self.compression.into()),
             Format::Ply | Format::Pcd | Format::Png => {
                 let topic = chosen.topics.iter().position(|chosen| *chosen).unwrap_or_default();
@@ -155,7 +168,7 @@ impl Export {
         }
         if self.topics.is_empty() {
             for (chosen, topic) in topics.iter_mut().zip(session.topics()) {
-                let is_table = topic.kind.kind().is_some_and(csv::is_default)
+                let is_table = topic.kind.kind().is_some_and(table::is_default)
                     && !matches!(topic.role, Role::Journal { .. } | Role::Measured);
                 *chosen = topic.kind.kind().is_some() && (self.format == Format::Mcap || is_table);
             }
@@ -175,4 +188,25 @@ impl Export {
         }
         Ok(Chosen { topics, from, before })
     }
+}
+
+/// Writes tables of Parquet, which not every build can.
+#[cfg(feature = "parquet")]
+fn parquet(
+    session: &Session,
+    chosen: &Chosen,
+    fields: &[String],
+    out: &Path,
+) -> Result<Vec<Written>, Failure> {
+    table::write(session, chosen, fields, out, "parquet", |file, topic, columns| {
+        Ok(Box::new(parquet::Parquet::create(file, topic, columns)?))
+    })
+}
+
+#[cfg(not(feature = "parquet"))]
+fn parquet(_: &Session, _: &Chosen, _: &[String], _: &Path) -> Result<Vec<Written>, Failure> {
+    Err(Failure::wrong(
+        "--format parquet: this program was built without Parquet: build it with \
+         `cargo build --release --features stillpoint/parquet`, or write --format csv",
+    ))
 }

@@ -1,12 +1,11 @@
-//! The dose matrix of a plan as files for other optimisers, and weights of theirs.
+//! The dose matrix of a plan as files for other optimisers, and plans of weights of theirs.
 
-use std::fs::File;
-use std::io::{BufReader, BufWriter, Write as _};
+use std::io::{BufWriter, Write as _};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use npyz::{AutoSerialize, NpyFile, WriterBuilder};
+use npyz::{AutoSerialize, WriterBuilder};
 use serde_json::json;
 use stillpoint_plan::ByRows;
 use stillpoint_plan::beams::Influence;
@@ -17,6 +16,7 @@ use super::patient::{self, Made};
 use super::pooled::Pooled;
 use super::prepared::Prepared;
 use super::request::{Patient, Request};
+use super::weights;
 use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// Write the dose matrix of given beams, with their objectives, as files that other programs read.
@@ -72,7 +72,7 @@ impl Export {
 impl Evaluate {
     /// Executes the subcommand.
     pub fn execute(&self, report: impl FnOnce(Made<'_>, bool) -> Result<(), Failure>) -> Ended {
-        let weights = read(&self.weights)?;
+        let weights = weights::read(&self.weights)?;
         let patient = only_patient(&self.args, Some(weights))?;
         patient::plan(&self.args, &patient, |made| report(made, self.args.json))
     }
@@ -96,30 +96,6 @@ fn only_patient(args: &PlanArgs, weights: Option<Vec<f64>>) -> Result<Patient<'_
         is_quiet: args.json,
         weights,
     })
-}
-
-/// Weights of a file.
-fn read(path: &Path) -> Result<Vec<f64>, Failure> {
-    let fault = |why: String| Failure::wrong(format!("{}: {why}", path.display()));
-    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("npy")) {
-        let file = File::open(path).map_err(|e| fault(e.to_string()))?;
-        let array = NpyFile::new(BufReader::new(file)).map_err(|e| fault(e.to_string()))?;
-        if array.shape().len() != 1 {
-            return Err(fault(format!("an array of shape {:?}: one axis is expected", array.shape())));
-        }
-        let is_single = array.dtype() == f32::default_dtype();
-        let numbers = match is_single {
-            true => array.into_vec::<f32>().map(|all| all.into_iter().map(f64::from).collect()),
-            false => array.into_vec::<f64>(),
-        };
-        return numbers.map_err(|e| fault(e.to_string()));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| fault(e.to_string()))?;
-    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let number = |(at, line): (usize, &str)| {
-        line.trim().parse().map_err(|_| fault(format!("line {}: `{}` is not a number", at + 1, line.trim())))
-    };
-    lines.map(number).collect()
 }
 
 fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure> {

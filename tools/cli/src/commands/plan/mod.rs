@@ -14,7 +14,7 @@
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
 //! - `recalculate`: the dose of an RTPLAN of any program
-//! - `matrix`: the dose matrix for other optimisers, and weights of theirs
+//! - `matrix`, `weights`: the dose matrix for other optimisers, and weights of theirs
 
 mod args;
 mod charts;
@@ -34,6 +34,7 @@ mod request;
 mod search;
 mod table;
 mod tree;
+mod weights;
 
 use std::num::NonZeroUsize;
 
