@@ -34,10 +34,10 @@ fn a_plan_of_this_program_has_its_own_dose_and_that_of_another_patient_is_refuse
     };
     let found: Value =
         serde_json::from_slice(&run(folder, &asked("pelvis-0.case", "plan/rtdose.dcm"))).unwrap();
-    // The same field on finer bixels: what differs is the penumbra of the coarse ones.
+    // The same field on finer bixels and another grid: what differs is the penumbra.
     let gamma = &found["other"]["gamma"];
     assert!(gamma["passed"].as_f64().unwrap() > 0.99, "{gamma}");
-    assert!((found["other"]["factor"].as_f64().unwrap() - 1.0).abs() < 0.01, "{}", found["other"]["factor"]);
+    assert!((found["other"]["factor"].as_f64().unwrap() - 1.0).abs() < 0.02, "{}", found["other"]["factor"]);
     let units: f64 =
         found["beams"].as_array().unwrap().iter().map(|b| b["monitor_units"].as_f64().unwrap()).sum();
     assert!((units - planned["leaves"]["monitor_units"].as_f64().unwrap()).abs() < 0.01);
