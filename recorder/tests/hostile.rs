@@ -18,7 +18,7 @@ use stillpoint_samples::{
     Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Contacts, Datagram, DepthImage, Diagnostics,
     Duties, FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate,
     Plane, PointCloud, PoolMessage, Pose, PoseReport, Rejection, RigState, Sample, Setting, SettingAnswer,
-    Target, Track,
+    SurfacePieces, Target, Track,
 };
 
 /// Looks at the pieces as a sample of each kind.
@@ -58,6 +58,7 @@ view_as_each!(
     RigState,
     Setting,
     SettingAnswer,
+    SurfacePieces,
     Target,
     Track
 );
