@@ -22,7 +22,7 @@ fn a_plan_of_this_program_has_its_own_dose_and_that_of_another_patient_is_refuse
     for seed in ["0", "1"] {
         run(folder, &["case", "phantom", "--seed", seed, "--out", "."]);
     }
-    let coarse = ["--angles", "20,140,260", "--grid", "12mm", "--bixel", "5mm", "--dose-grid", "5mm"];
+    let coarse = ["--angles", "20,140,260", "--grid", "16mm", "--bixel", "5mm", "--dose-grid", "5mm"];
     let more =
         ["--out", "plan", "--doses", "doses", "--engine", "pencil", "--accept-check", "coarse", "--json"];
     let planned: Value =
@@ -30,13 +30,13 @@ fn a_plan_of_this_program_has_its_own_dose_and_that_of_another_patient_is_refuse
             .unwrap();
     let asked = |case, dose| {
         let files = ["plan", "recalculate", "plan/rtplan.dcm", "--case", case, "--dose", dose];
-        [&files[..], &["--engine", "pencil", "--grid", "6mm", "--json"]].concat()
+        [&files[..], &["--engine", "pencil", "--grid", "8mm", "--json"]].concat()
     };
     let found: Value =
         serde_json::from_slice(&run(folder, &asked("pelvis-0.case", "plan/rtdose.dcm"))).unwrap();
     // The same field on finer bixels and another grid: what differs is the penumbra.
     let gamma = &found["other"]["gamma"];
-    assert!(gamma["passed"].as_f64().unwrap() > 0.99, "{gamma}");
+    assert!(gamma["passed"].as_f64().unwrap() > 0.98, "{gamma}");
     assert!((found["other"]["factor"].as_f64().unwrap() - 1.0).abs() < 0.02, "{}", found["other"]["factor"]);
     let units: f64 =
         found["beams"].as_array().unwrap().iter().map(|b| b["monitor_units"].as_f64().unwrap()).sum();
