@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Vector3};
 use stillpoint_samples::{IdentityPart, Proof};
 
-use crate::align::{Agreement, Alignment, PartAxes, Pieces, Told, Verdict, agreement};
+use crate::align::{Agreement, Alignment, Known, PartAxes, Pieces, Verdict, agreement};
 use crate::surface::Surface;
 
 /// A part of the confidence at its limit. Below it the frame has no pose.
@@ -282,8 +282,8 @@ impl Identity {
     }
 
     /// The middle of each piece of the reference, m, and what is known of it.
-    pub fn pieces(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Told)> {
-        self.pieces.told()
+    pub fn pieces(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Known)> {
+        self.pieces.known()
     }
 
     /// Whether the parts were seen to move together.

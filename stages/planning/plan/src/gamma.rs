@@ -39,7 +39,7 @@ pub fn gamma(
 ) -> Option<Gamma> {
     let offsets = offsets(tolerance.distance_mm);
     let (mut voxels, mut passed, mut sum) = (0_usize, 0_usize, 0.0);
-    for (voxel, wanted) in
+    for (voxel, expected) in
         reference.iter().enumerate().filter(|(_, gy)| f64::from(**gy) >= tolerance.least_gy)
     {
         let at = reference_grid.centre_mm(reference_grid.voxel(voxel));
@@ -50,7 +50,7 @@ pub fn gamma(
                 break;
             }
             let found = grid.value_at(dose, [at[0] + x, at[1] + y, at[2] + z]);
-            let off = f64::from(found - wanted) / tolerance.dose_gy;
+            let off = f64::from(found - expected) / tolerance.dose_gy;
             least = f64::min(least, off * off + distance);
         }
         voxels += 1;

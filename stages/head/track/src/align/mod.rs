@@ -27,6 +27,6 @@ mod together;
 pub use aligner::{AlignParams, Aligner, Alignment, Approach, Effort};
 pub use misfit::misfit;
 pub use parts::{Agreement, PartAxes, agreement};
-pub use pieces::{Pieces, Told};
+pub use pieces::{Known, Pieces};
 pub use robust::Robust;
 pub use together::Verdict;

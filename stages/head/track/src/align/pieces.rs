@@ -148,12 +148,12 @@ struct Piece {
     is_face: bool,
     together: Together,
     /// What the last frame and those before it tell.
-    told: Told,
+    known: Known,
 }
 
 /// What a frame, and those before it, tell of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Told {
+pub struct Known {
     /// Whether enough points of the frame lie on it.
     pub is_seen: bool,
     /// Whether it was seen to move as the rest does.
@@ -252,8 +252,8 @@ impl Pieces {
             let (face, all) = on.fold((0.0, 0.0), |(a, b), (face, all)| (a + face, b + all));
             let is_face = face > ON_FACE * all;
             let (jitter, together) = (Jitter::default(), Together::default());
-            let told = Told::default();
-            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together, told }
+            let known = Known::default();
+            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together, known }
         };
         let pieces = middles.iter().map(about).collect();
         Self {
@@ -272,8 +272,8 @@ impl Pieces {
     }
 
     /// The middle of each piece on the surface, m, and what is known of it.
-    pub fn told(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Told)> {
-        self.pieces.iter().map(|piece| (piece.middle, piece.told))
+    pub fn known(&self) -> impl ExactSizeIterator<Item = (Vector3<f64>, Known)> {
+        self.pieces.iter().map(|piece| (piece.middle, piece.known))
     }
 
     /// Notes that the question whether the pieces move together is settled: their movements are compared no more.
@@ -329,7 +329,7 @@ impl Pieces {
         let (mut most, mut skin, mut lasting): (f64, f64, f64) = (0.0, 0.0, 0.0);
         let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
         for piece in pieces.iter_mut() {
-            piece.told.is_seen = false;
+            piece.known.is_seen = false;
             let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
             let rest = whole.without(&own);
             if own.points < POINTS_LEAST || rest.points < 3 * POINTS_LEAST {
@@ -338,14 +338,14 @@ impl Pieces {
             let Some(rest) = rest.fit() else { continue };
             let Some(off) = own.off(&rest) else { continue };
             let (along, points) = (own.along(), f64::from(own.points));
-            piece.told.is_seen = true;
+            piece.known.is_seen = true;
             if *is_open && !face {
                 let (rest_off, covariance) = rest.at(&piece.middle, *length);
                 let moved = moved(&piece.middle) + rest_off;
                 piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
                 all += points;
-                piece.told.verdict = piece.together.verdict(noise);
-                match piece.told.verdict {
+                piece.known.verdict = piece.together.verdict(noise);
+                match piece.known.verdict {
                     Verdict::Open => {}
                     Verdict::With => with += points,
                     Verdict::Against => against += points,
@@ -365,11 +365,11 @@ impl Pieces {
             };
             let is_raised = piece.is_face && part(&(off - piece.start), ONCE) > 1.0;
             let Some(movements) = piece.add(&off, face, is_raised) else { continue };
-            piece.told.moved = movements[0];
-            piece.told.over = 0.0;
+            piece.known.moved = movements[0];
+            piece.known.over = 0.0;
             for (kind, (movement, limits)) in movements.iter().zip([ONCE, LASTING]).enumerate() {
                 let part = part(movement, limits);
-                piece.told.over = piece.told.over.max(part);
+                piece.known.over = piece.known.over.max(part);
                 if piece.is_face {
                     skin = skin.max(part);
                 } else {

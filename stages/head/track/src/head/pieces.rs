@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3};
 use stillpoint_operator::{Outputs, StepError};
 use stillpoint_samples::{PieceState, SurfacePiece, SurfacePieces, SurfacePiecesShape};
 
-use crate::align::{Told, Verdict};
+use crate::align::{Known, Verdict};
 use crate::identity::Identity;
 
 /// Pieces of a reference that are sent at most: a face has about a hundred, a surface of a CT a few hundred.
@@ -25,21 +25,21 @@ pub fn send(
     let count = found.min(MOST);
     let mut writer = outputs.open::<SurfacePieces>(output, count)?;
     *writer.body() = SurfacePiecesShape { found: found as u32, length: count as u32 };
-    for (slot, (middle, told)) in writer.elements().iter_mut().zip(all) {
+    for (slot, (middle, known)) in writer.elements().iter_mut().zip(all) {
         let place = cloud_from_surface * Point3::from(middle);
         *slot = SurfacePiece {
             xyz: place.coords.map(|c| c as f32).into(),
-            moved: told.moved.map(|c| c as f32).into(),
-            over: told.over as f32,
-            state: state(&told) as u32,
+            moved: known.moved.map(|c| c as f32).into(),
+            over: known.over as f32,
+            state: state(&known) as u32,
         };
     }
     writer.finish(count)
 }
 
-fn state(told: &Told) -> PieceState {
-    match told.verdict {
-        _ if !told.is_seen => PieceState::Unseen,
+fn state(known: &Known) -> PieceState {
+    match known.verdict {
+        _ if !known.is_seen => PieceState::Unseen,
         Verdict::Open => PieceState::Open,
         Verdict::With => PieceState::With,
         Verdict::Against => PieceState::Against,

@@ -136,7 +136,7 @@ impl Direction {
         if low >= high {
             return;
         }
-        field_mm[0] = [field_mm[0][0].max(low - BESIDE_MM), field_mm[0][1].min(high + BESIDE_MM)];
+        field_mm[0] = [field_mm[0][0].max(low - MARGIN_MM), field_mm[0][1].min(high + MARGIN_MM)];
         let collimator = Collimator { leaf_edges_mm: edges_mm, transmission, ..Collimator::generic() };
         let segment = Segment { tips_mm, weight: 1.0 };
         let beam = LeafBeam { field_mm, segments: Vec::new() };
@@ -169,7 +169,7 @@ impl Direction {
 }
 
 /// How far beside the outermost tips the leaves' transmission counts, mm.
-const BESIDE_MM: f64 = 20.0;
+const MARGIN_MM: f64 = 20.0;
 
 #[cfg(test)]
 mod tests {

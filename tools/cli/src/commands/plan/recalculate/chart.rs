@@ -22,9 +22,9 @@ pub fn histograms(outcome: &Outcome<'_>) -> Result<String, ChartError> {
             colours.push(colour);
         }
     }
-    let beside = if other.is_empty() { "" } else { ": lines recalculated, dashes as given" };
+    let note = if other.is_empty() { "" } else { ": lines recalculated, dashes as given" };
     let chart = Chart {
-        title: format!("{}{beside}", outcome.case().name()),
+        title: format!("{}{note}", outcome.case().name()),
         x: "dose, Gy".into(),
         y: "volume with at least this dose, %".into(),
         series,

@@ -26,7 +26,7 @@ pub enum TreatmentError {
     )]
     Frame { plan: String, case: String, images: String },
     #[error(
-        "the plan is for a patient who lies {plan}, and the images of the case are of one who lies {images}: give the case of this plan"
+        "the plan is for the patient position {plan}, and the images of the case are of {images}: give the case of this plan"
     )]
     Position { plan: String, images: &'static str },
     #[error(
@@ -41,7 +41,7 @@ pub enum TreatmentError {
         "beam {name:?} has its source at {found} mm, and the machine at {machine} mm: give the machine file by --machine"
     )]
     Distance { name: String, found: f64, machine: f64 },
-    #[error("beam {name:?} stands at the couch angle {found} degrees: couch angles are not computed")]
+    #[error("beam {name:?} has the couch angle {found} degrees: couch angles are not computed")]
     Couch { name: String, found: f64 },
     #[error("beam {name:?} has a field that reaches more than {MOST_MM} mm from the axis")]
     Field { name: String },
