@@ -28,8 +28,8 @@ use treatment::Treatment;
 /// Fields of jaws and leaves (MLCX or MLCY), step and shoot, sliding windows and arcs are read, with any collimator angle. What
 /// moves between control points is divided until no leaf moves by more than 2.5 mm and no gantry turns by more than 2 degrees.
 /// Wedges, blocks, compensators, boluses and couch angles are refused. With --dose the figures of the other program's dose
-/// are printed, too, with the gamma index at 3 % of its largest dose and 3 mm. Monitor units count as the machine file says, which
-/// is no measured machine: the factor between the two doses is printed. The output is a folder with recalculated.json and
+/// are printed, too, with the gamma index at 3 % of its largest dose and 3 mm. Monitor units count as the machine file says: the
+/// factor between the two doses is printed. The output is a folder with recalculated.json and
 /// recalculated.svg. No dose of this command may be used to treat a patient.
 #[derive(Args)]
 pub struct Recalculate {
