@@ -19,6 +19,8 @@ struct Changed {
 
 const CHANGED: &[Changed] = &[
     Changed { kind: "track.head", param: "soft_tissue", before: "ignored", unit: "" },
+    // The output is newer than the session, so its journal has no sample of it.
+    Changed { kind: "track.head", param: "pieces", before: "off", unit: "" },
     Changed { kind: "gate.beam", param: "drift_tolerance", before: "10 m", unit: "m" },
     Changed { kind: "gate.beam", param: "drift_angle", before: "180 deg", unit: "rad" },
 ];

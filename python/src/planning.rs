@@ -8,7 +8,6 @@ use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use serde_json::json;
 use stillpoint_patient::case::{Case, lung, neck, phantom, read};
-use stillpoint_plan::{ByRows as CompressedRows, Setups};
 use stillpoint_plan::dose::{CachedBeam, EngineName, Machine};
 use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::fluence::{Options, PlanProblem, solve_plan};
@@ -16,6 +15,7 @@ use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::recipe::{PlanDoses, PlanEngine, PlanRequest, PlanSetup, PriorName, SetupSpec};
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 use stillpoint_plan::threads::on_threads;
+use stillpoint_plan::{ByRows as CompressedRows, Setups};
 
 use crate::error::raise;
 use crate::interrupt::interruptible;

@@ -29,6 +29,10 @@ fn replayed(head: Value, gate: Value) -> Graph {
 fn a_session_that_is_older_than_a_parameter_is_replayed_without_it() {
     let old = replayed(json!({}), json!({}));
     assert_eq!(resolved(&old, "head")["soft_tissue"], "ignored");
+    assert_eq!(
+        (&resolved(&old, "head")["pieces"], &resolved(&graph(&[]), "head")["pieces"]),
+        (&json!("off"), &json!("sent"))
+    );
     assert_eq!(resolved(&old, "gate")["drift_tolerance"], 10.0);
     assert_eq!(resolved(&graph(&[]), "head")["soft_tissue"], "weighted");
 }

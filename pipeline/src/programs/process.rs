@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind, Write};
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use rustix::fs::{MemfdFlags, memfd_create};
@@ -16,6 +16,9 @@ use stillpoint_operator::program::wire::{Message, receive, send};
 
 /// Time in which a program has to describe its kinds.
 const GREETING: Duration = Duration::from_secs(10);
+/// How long the end of a process is waited for whose connection is closed, and how often it is looked for.
+const ENDING: Duration = Duration::from_millis(500);
+const ENDING_LOOKS: u32 = 100;
 /// How often a program is started that another process is still writing.
 const TRIES: u32 = 200;
 
@@ -109,6 +112,17 @@ impl Process {
         }
     }
 
+    /// How the process ended, if it does so soon: its connection closes a moment before.
+    fn ended_by_itself(&mut self) -> Option<ExitStatus> {
+        for _ in 0..ENDING_LOOKS {
+            if let Ok(Some(status)) = self.child.try_wait() {
+                return Some(status);
+            }
+            std::thread::sleep(ENDING / ENDING_LOOKS);
+        }
+        None
+    }
+
     /// Asks for an answer, and answers from `files` what the program asks on the way.
     pub fn ask(&mut self, head: &Value, strings: &[&[u8]], files: &dyn Files) -> io::Result<Message> {
         send(&mut self.socket, head, strings).map_err(|_| self.gone())?;
@@ -132,13 +146,15 @@ impl Process {
         }
     }
 
-    /// The error that the process is gone, with what it left.
+    /// The error that the process is gone, with what it left. A process that has closed its connection and goes on is ended:
+    /// that was its own doing, and not a signal from outside.
     fn gone(&mut self) -> io::Error {
-        let _ = self.child.kill();
-        let (how, by_signal) = match self.child.wait() {
-            Ok(status) => (status.to_string(), status.signal().is_some()),
-            Err(e) => (e.to_string(), false),
+        let (how, by_signal) = match self.ended_by_itself() {
+            Some(status) => (status.to_string(), status.signal().is_some()),
+            None => ("it closed its connection".to_owned(), false),
         };
+        let _ = self.child.kill();
+        let _ = self.child.wait();
         io::Error::new(ErrorKind::BrokenPipe, Ended { how, by_signal })
     }
 }
@@ -173,6 +189,12 @@ mod tests {
         let (mut process, theirs) = silent();
         drop(theirs);
         let error = process.receive().unwrap_err().to_string();
-        assert!(error.contains("the program ended"), "{error}");
+        assert!(error.contains("the program ended (it closed its connection)"), "{error}");
+        let (mut process, theirs) = silent();
+        process.child.kill().unwrap();
+        drop(theirs);
+        let error = process.receive().unwrap_err();
+        let ended = error.get_ref().and_then(|inner| inner.downcast_ref::<Ended>()).unwrap();
+        assert!(ended.by_signal && error.to_string().contains("signal: 9"), "{error}");
     }
 }

@@ -106,8 +106,11 @@ impl Difference {
             let origin = |e: &Entry| e.header.origin.to_string();
             return Some(Self::at(place, sequence, "origin", origin(recorded), origin(replayed)));
         }
-        let outputs =
-            |e: &Entry| e.refs_of(RefKind::Output).map(|r| (r.port, r.first, r.count)).collect::<Vec<_>>();
+        // An output on which nothing was sent so far is as one that the build of the recording did not have.
+        let outputs = |e: &Entry| {
+            let sent = e.refs_of(RefKind::Output).filter(|r| r.first > 0 || r.count > 0 || r.lost > 0);
+            sent.map(|r| (r.port, r.first, r.count)).collect::<Vec<_>>()
+        };
         let (a, b) = (outputs(recorded), outputs(replayed));
         (a != b).then(|| {
             let say = |refs: &[(u32, u64, u32)]| {
@@ -173,5 +176,39 @@ fn value(primitive: Primitive, bytes: &[u8]) -> (String, Option<u64>) {
         Primitive::I32 => ((bits as u32 as i32).to_string(), None),
         Primitive::I64 => ((bits as i64).to_string(), None),
         _ => (bits.to_string(), None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_samples::{Header, JournalBody, JournalRef};
+
+    fn found(recorded: &[JournalRef], replayed: &[JournalRef]) -> Option<Difference> {
+        let entry = |refs: &[JournalRef]| Entry {
+            header: Header::default(),
+            body: JournalBody::default(),
+            refs: refs.to_vec(),
+        };
+        let (recorded, replayed) = (entry(recorded), entry(replayed));
+        let place = Place { operator: "head", entry: &recorded, topic: "head.journal" };
+        Difference::of_entries(&place, &recorded, &replayed)
+    }
+
+    #[test]
+    fn an_output_on_which_nothing_was_sent_may_be_newer_than_the_recording_and_no_other() {
+        let output = |port, first, count| JournalRef {
+            first,
+            count,
+            port,
+            kind: RefKind::Output as u32,
+            ..JournalRef::default()
+        };
+        assert_eq!(found(&[output(0, 30, 0)], &[output(0, 30, 0), output(4, 0, 0)]), None);
+        for other in [output(4, 0, 1), output(4, 1, 0)] {
+            let difference = found(&[output(0, 30, 0)], &[output(0, 30, 0), other]).unwrap();
+            assert_eq!(difference.field, "outputs");
+        }
+        assert!(found(&[output(0, 30, 0)], &[]).is_some());
     }
 }

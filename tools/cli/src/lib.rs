@@ -53,6 +53,7 @@ mod journals;
 mod laps;
 mod metrics;
 mod number;
+mod out_folder;
 mod path;
 mod picture;
 mod pipeline_file;

@@ -77,8 +77,8 @@ pub struct ControlPoint {
     pub collimator_deg: f64,
     /// IEC 61217 couch angle, degrees.
     pub couch_deg: f64,
-    /// Lower and upper edge of the jaws along x, then y of the collimator, mm on the isocentre plane.
-    pub jaws_mm: [[f64; 2]; 2],
+    /// Lower and upper edge of the jaws along x, then y of the collimator, mm on the isocentre plane; none of a machine without.
+    pub jaws_mm: [Option<[f64; 2]>; 2],
     /// Tips of every leaf pair, those at the lower coordinate first, mm; empty without leaves.
     pub tips_mm: Vec<[f64; 2]>,
 }
@@ -284,15 +284,15 @@ impl Devices {
             gantry_deg,
             collimator_deg: angle(tags::BEAM_LIMITING_DEVICE_ANGLE, |p| p.collimator_deg)?.unwrap_or(0.0),
             couch_deg: angle(tags::PATIENT_SUPPORT_ANGLE, |p| p.couch_deg)?.unwrap_or(0.0),
-            jaws_mm: before.map_or([[-FARTHEST_MM, FARTHEST_MM]; 2], |b| b.jaws_mm),
+            jaws_mm: before.map_or([None; 2], |b| b.jaws_mm),
             tips_mm: before.map_or_else(Vec::new, |b| b.tips_mm.clone()),
         };
         for device in items(point, tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE) {
             let kind = text(device, tags::RT_BEAM_LIMITING_DEVICE_TYPE)?;
             let places = padded_numbers(device, tags::LEAF_JAW_POSITIONS)?;
             match kind.as_str() {
-                "X" | "ASYMX" => next.jaws_mm[0] = jaws(&places)?,
-                "Y" | "ASYMY" => next.jaws_mm[1] = jaws(&places)?,
+                "X" | "ASYMX" => next.jaws_mm[0] = Some(jaws(&places)?),
+                "Y" | "ASYMY" => next.jaws_mm[1] = Some(jaws(&places)?),
                 _ => next.tips_mm = self.tips(&places)?,
             }
         }
@@ -300,7 +300,7 @@ impl Devices {
             Some(leaves) if next.tips_mm.len() + 1 != leaves.edges_mm.len() => {
                 Err(TagError::Missing(tags::LEAF_JAW_POSITIONS))
             }
-            None if next.jaws_mm.iter().flatten().any(|mm| mm.abs() >= FARTHEST_MM) => {
+            None if next.jaws_mm.contains(&None) => {
                 Err(TagError::Missing(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE))
             }
             _ => Ok(next),

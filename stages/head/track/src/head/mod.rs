@@ -11,4 +11,4 @@ mod pieces;
 mod report;
 
 pub use operator::TrackHead;
-pub use params::{CaptureBy, HeadParams, Method, Origin, Reference, ReferenceParams, SoftTissue};
+pub use params::{CaptureBy, HeadParams, Method, Origin, Reference, ReferenceParams, SendPieces, SoftTissue};

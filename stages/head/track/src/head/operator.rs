@@ -10,7 +10,8 @@ use stillpoint_samples::{
 };
 
 use super::params::{
-    CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams, SoftTissue,
+    CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams, SendPieces,
+    SoftTissue,
 };
 use super::{pieces, report};
 use crate::capture::{Asking, Capture, CaptureError, Offer};
@@ -54,6 +55,7 @@ const HARDLY: f64 = 0.1;
 /// rotation.
 pub struct TrackHead {
     method: Method,
+    sends_pieces: bool,
     origin: Origin,
     /// Whose pose is sent, in the head's frame, m.
     point: Translation3<f64>,
@@ -240,6 +242,7 @@ impl Operator for TrackHead {
         }
         Ok(Self {
             method: params.method,
+            sends_pieces: params.pieces == SendPieces::Sent,
             origin: params.origin,
             point: Translation3::from(params.point),
             three_points_sd: params.three_points_sd,
@@ -484,7 +487,10 @@ impl TrackHead {
     }
 
     fn send_pieces(&self, found: &Found, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (Some((_, identity)), Ok(tracked)) = (&self.identity, &found.tracked) else { return Ok(()) };
+        let (Some((_, identity)), Ok(tracked), true) = (&self.identity, &found.tracked, self.sends_pieces)
+        else {
+            return Ok(());
+        };
         pieces::send(PIECES, identity, &tracked.alignment.surface_from_cloud.inverse(), outputs)
     }
 

@@ -54,6 +54,15 @@ pub enum SoftTissue {
     Weighted,
 }
 
+/// Whether the pieces of the reference are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum SendPieces {
+    /// With each frame that was found on the reference.
+    Sent,
+    /// Never.
+    Off,
+}
+
 /// Which point of the head is its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Origin {
@@ -153,6 +162,9 @@ pub struct HeadParams {
     /// Skin that moves by itself: with `weighted`, a smile costs the beam and lets go of nothing.
     #[param(default = "weighted")]
     pub soft_tissue: SoftTissue,
+    /// The pieces of the reference on the output `pieces`, for people who look on.
+    #[param(default = "sent")]
+    pub pieces: SendPieces,
     /// Place of the point of the head whose pose is sent, from the isocentre of a known surface, else from `origin`, along
     /// the axes of the head. Targets, controllers and the gate judge this point.
     #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-300 mm", max = "300 mm")]

@@ -13,6 +13,8 @@ use crate::recompute::BeamFluence;
 const MOST_TRAVEL_MM: f64 = 2.5;
 /// How far gantry and collimator may turn within a part, degrees.
 const MOST_TURN_DEG: f64 = 2.0;
+/// How far beyond the outermost tips the transmission of the leaves counts where no jaws end the field there, mm.
+const MARGIN_MM: f64 = 20.0;
 /// Angles that differ by less are the same beam, degrees.
 const SAME_DEG: f64 = 1e-6;
 
@@ -25,8 +27,9 @@ pub struct Aperture {
     pub gantry_deg: f64,
     /// IEC 61217 collimator angle, degrees, which runs on in the same way.
     pub collimator_deg: f64,
-    /// Edges of the jaws along x, then z of the collimator, mm on the isocentre plane.
-    pub jaws_mm: [[f64; 2]; 2],
+    /// Edges of the jaws along x, then z of the collimator, mm on the isocentre plane; none where the leaves alone limit the
+    /// field.
+    pub jaws_mm: [Option<[f64; 2]>; 2],
     /// Tips of every leaf pair, those at the lower coordinate first, mm; empty without leaves.
     pub tips_mm: Vec<[f64; 2]>,
 }
@@ -77,11 +80,10 @@ pub fn moving_fluence(
 
 /// Into how many parts an interval is divided.
 fn parts(from: &Aperture, to: &Aperture) -> u32 {
-    let moved = |a: &[[f64; 2]], b: &[[f64; 2]]| {
-        let ends = a.as_flattened().iter().zip(b.as_flattened());
-        ends.map(|(a, b)| (b - a).abs()).fold(0.0, f64::max)
-    };
-    let travel = moved(&from.tips_mm, &to.tips_mm).max(moved(&from.jaws_mm, &to.jaws_mm));
+    let moved = |a: &[f64; 2], b: &[f64; 2]| (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
+    let tips = from.tips_mm.iter().zip(&to.tips_mm).map(|(a, b)| moved(a, b));
+    let jaws = from.jaws_mm.iter().flatten().zip(to.jaws_mm.iter().flatten()).map(|(a, b)| moved(a, b));
+    let travel = tips.chain(jaws).fold(0.0, f64::max);
     let turn = (to.gantry_deg - from.gantry_deg).abs().max((to.collimator_deg - from.collimator_deg).abs());
     (travel / MOST_TRAVEL_MM).max(turn / MOST_TURN_DEG).ceil().max(1.0) as u32
 }
@@ -93,7 +95,7 @@ fn between(from: &Aperture, to: &Aperture, part: f64) -> Aperture {
         given: at(from.given, to.given),
         gantry_deg: at(from.gantry_deg, to.gantry_deg),
         collimator_deg: at(from.collimator_deg, to.collimator_deg),
-        jaws_mm: [0, 1].map(|axis| ends(from.jaws_mm[axis], to.jaws_mm[axis])),
+        jaws_mm: [0, 1].map(|axis| from.jaws_mm[axis].zip(to.jaws_mm[axis]).map(|(a, b)| ends(a, b))),
         tips_mm: from.tips_mm.iter().zip(&to.tips_mm).map(|(a, b)| ends(*a, *b)).collect(),
     }
 }
@@ -119,24 +121,7 @@ impl Direction {
         width_mm: f64,
     ) {
         let along_z = leaves.is_some_and(|leaves| leaves.along_z);
-        // The axis of travel first.
-        let turn = |[a, b]: [[f64; 2]; 2]| if along_z { [b, a] } else { [a, b] };
-        let mut field_mm = turn(at.jaws_mm);
-        let (edges_mm, tips_mm) = match leaves {
-            Some(leaves) => (leaves.edges_mm.to_vec(), at.tips_mm.clone()),
-            None => (field_mm[1].to_vec(), vec![field_mm[0]]),
-        };
-        if !(field_mm[0][0] < field_mm[0][1] && field_mm[1][0] < field_mm[1][1]) {
-            return;
-        }
-        // Without jaws along the travel the leaves end the field: nothing is known of what passes beyond their tips.
-        let tips = || tips_mm.iter().filter(|tips| tips[0] < tips[1]);
-        let low = tips().map(|tips| tips[0]).fold(f64::INFINITY, f64::min);
-        let high = tips().map(|tips| tips[1]).fold(f64::NEG_INFINITY, f64::max);
-        if low >= high {
-            return;
-        }
-        field_mm[0] = [field_mm[0][0].max(low - MARGIN_MM), field_mm[0][1].min(high + MARGIN_MM)];
+        let Some((field_mm, edges_mm, tips_mm)) = opening(at, leaves) else { return };
         let collimator = Collimator { leaf_edges_mm: edges_mm, transmission, ..Collimator::generic() };
         let segment = Segment { tips_mm, weight: 1.0 };
         let beam = LeafBeam { field_mm, segments: Vec::new() };
@@ -168,8 +153,25 @@ impl Direction {
     }
 }
 
-/// How far beside the outermost tips the leaves' transmission counts, mm.
-const MARGIN_MM: f64 = 20.0;
+/// The field along the travel and across it, the edges of the pairs, and their tips. Nothing where jaws meet, and where
+/// neither jaws nor open leaves end the field along the travel.
+fn opening(at: &Aperture, leaves: Option<LeafPairs<'_>>) -> Option<([[f64; 2]; 2], Vec<f64>, Vec<[f64; 2]>)> {
+    let [x, z] = at.jaws_mm;
+    let (along, across) = if leaves.is_some_and(|leaves| leaves.along_z) { (z, x) } else { (x, z) };
+    let (edges_mm, tips_mm) = match leaves {
+        Some(leaves) => (leaves.edges_mm.to_vec(), at.tips_mm.clone()),
+        None => (across?.to_vec(), vec![along?]),
+    };
+    let along = along.or_else(|| {
+        let open = || tips_mm.iter().filter(|tips| tips[0] < tips[1]);
+        let low = open().map(|tips| tips[0]).reduce(f64::min)?;
+        let high = open().map(|tips| tips[1]).reduce(f64::max)?;
+        Some([low - MARGIN_MM, high + MARGIN_MM])
+    })?;
+    let across = across.unwrap_or([*edges_mm.first()?, *edges_mm.last()?]);
+    let is_open = along[0] < along[1] && across[0] < across[1];
+    is_open.then_some(([along, across], edges_mm, tips_mm))
+}
 
 #[cfg(test)]
 mod tests {
@@ -182,7 +184,7 @@ mod tests {
             given,
             gantry_deg: 30.0,
             collimator_deg: 0.0,
-            jaws_mm: [[-50.0, 50.0], [-20.0, 20.0]],
+            jaws_mm: [Some([-50.0, 50.0]), Some([-20.0, 20.0])],
             tips_mm: vec![tips; 4],
         }
     }
@@ -211,8 +213,11 @@ mod tests {
         assert!((whole(&beams, 2.5) - 3.0 * 40.0 * 40.0).abs() < 1e-9);
         let [x, z] = middle(&beams[0]);
         assert!((x - 10.0).abs() < 1e-9 && z.abs() < 1e-9, "{x} {z}");
-        // What passes the leaves counts within the jaws, and up to 20 mm beside the tips.
+        // What passes the leaves counts within the jaws; without jaws, up to 20 mm beyond the tips.
         let through = moving_fluence(&points, pairs(false), 0.02, 3.0, 2.5);
+        assert!((whole(&through, 2.5) - 3.0 * 40.0 * (40.0 + 0.02 * 60.0)).abs() < 1e-9);
+        let bare = points.map(|point| Aperture { jaws_mm: [None; 2], ..point });
+        let through = moving_fluence(&bare, pairs(false), 0.02, 3.0, 2.5);
         assert!((whole(&through, 2.5) - 3.0 * 40.0 * (40.0 + 0.02 * 40.0)).abs() < 1e-9);
     }
 
@@ -246,7 +251,7 @@ mod tests {
         let field = |collimator_deg, along_z| {
             let at = |given| Aperture {
                 collimator_deg,
-                jaws_mm: [[-50.0, 50.0]; 2],
+                jaws_mm: [Some([-50.0, 50.0]); 2],
                 ..aperture(given, [0.0, 30.0])
             };
             let beams = moving_fluence(&[at(0.0), at(1.0)], pairs(along_z), 0.0, 1.0, 2.5);
@@ -267,5 +272,7 @@ mod tests {
         assert!((whole(&beams, 2.5) - 100.0 * 40.0).abs() < 1e-9);
         let closed = [aperture(0.0, [5.0, 5.0]), aperture(1.0, [5.0, 5.0])];
         assert!(moving_fluence(&closed, pairs(false), 0.0, 1.0, 2.5).is_empty());
+        let bare = closed.map(|point| Aperture { jaws_mm: [None; 2], ..point });
+        assert!(moving_fluence(&bare, pairs(false), 0.02, 1.0, 2.5).is_empty());
     }
 }

@@ -14,7 +14,6 @@ mod recorded;
 mod reference;
 mod table;
 
-use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +24,8 @@ use stillpoint_plan::delivery::BinWidth;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::quantity::quantity;
+use crate::out_folder::OutFolder;
+use crate::quantity::{quantity, within};
 use crate::recorded::with_topics;
 use outcome::Outcome;
 use plan_file::DeliveredPlan;
@@ -87,6 +87,8 @@ impl Delivered {
         let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let reference = Reference::of(&session, registry, self.poses.as_deref(), &case)?;
         let recorded = Recorded::of(&session, &reference, self.beam.as_deref(), &case)?;
+        let default = || Path::new("delivered").join(name(&self.session));
+        let out = OutFolder::ready(&self.out.clone().unwrap_or_else(default))?;
         let threads = match self.threads {
             Some(threads) => threads,
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
@@ -94,34 +96,18 @@ impl Delivered {
         let outcome = Outcome::new(&case, &plan, &recorded, width, threads, self.json)?;
         let reported = outcome.reported(&plan, &reference, &recorded);
         let svg = chart::histograms(&outcome).map_err(Failure::failed)?;
-        let out = self.out.clone().unwrap_or_else(|| Path::new("delivered").join(name(&self.session)));
-        let fault = |e: &dyn std::fmt::Display| {
-            Failure::failed(format!("{}: {e}; choose another folder with --out", out.display()))
-        };
-        std::fs::create_dir_all(&out).map_err(|e| fault(&e))?;
         let text = serde_json::to_string_pretty(&reported).map_err(Failure::failed)?;
-        let files = [("delivered.json", text), ("delivered.svg", svg)];
-        for (name, text) in &files {
-            stillpoint_map::publish(&out.join(name), |file| file.write_all(text.as_bytes()))
-                .map_err(|e| fault(&e))?;
-        }
+        let files = [out.put("delivered.json", text.as_bytes())?, out.put("delivered.svg", svg.as_bytes())?];
         if self.json {
             print_json(&reported)?;
         } else {
             table::print(&outcome, &plan, &reference, &recorded);
-            files.iter().for_each(|(name, _)| outln!("{}", out.join(name).display()));
+            files.iter().for_each(|file| outln!("{}", file.display()));
         }
         Ok(Exit::Done)
     }
 
     fn width(&self) -> Result<BinWidth, Failure> {
-        let within = |what: &str, given: &str, unit: &str, [least, most]: [f64; 2]| {
-            let value = quantity(given, unit, &format!("--{what} {given}"))?;
-            if (least..=most).contains(&value) {
-                return Ok(value);
-            }
-            Err(Failure::wrong(format!("--{what} {given}: give {least} {unit} to {most} {unit}")))
-        };
         Ok(BinWidth {
             shift_mm: within("bin", &self.bin, "mm", [0.05, 10.0])?,
             turn_rad: within("bin-angle", &self.bin_angle, "deg", [0.05, 10.0])?.to_radians(),

@@ -1,9 +1,6 @@
 //! The folder of a plan.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-use rustix::fs::Access;
+use std::path::PathBuf;
 
 use super::charts;
 use super::export;
@@ -13,6 +10,7 @@ use super::prepared::Prepared;
 use super::request::Request;
 use super::tree;
 use crate::exit::Failure;
+use crate::out_folder::OutFolder;
 use crate::picture::{Plane, Wash, wash};
 use stillpoint_plan::recipe::PlanRun;
 use stillpoint_report::chart::ChartError;
@@ -20,23 +18,14 @@ use stillpoint_report::chart::ChartError;
 /// The upper end of the scale of doses, as a part of the prescription.
 const SCALE: f64 = 1.1;
 
-/// Makes the folder, or says before any work is done that it cannot be written.
-pub fn make_ready(folder: &Path) -> Result<(), Failure> {
-    let fault = |e: &dyn std::fmt::Display| {
-        Failure::failed(format!("{}: {e}; give another folder with --out", folder.display()))
-    };
-    std::fs::create_dir_all(folder).map_err(|e| fault(&e))?;
-    rustix::fs::access(folder, Access::WRITE_OK | Access::EXEC_OK).map_err(|e| fault(&e))
-}
-
 /// Writes it, and says which files it has.
 pub fn write(
+    folder: &OutFolder,
     request: &Request,
     prepared: &Prepared,
     runs: &[PlanRun],
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
-    let folder = Folder { path: &request.out };
     let mut files = Vec::new();
     let plan = outcome.file(request, prepared, runs).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", plan.to_json().map_err(Failure::failed)?.as_bytes())?);
@@ -76,29 +65,4 @@ pub fn write(
         files.push(folder.put("rtstruct.dcm", &structures.bytes)?);
     }
     Ok(files)
-}
-
-struct Folder<'a> {
-    path: &'a Path,
-}
-
-impl Folder<'_> {
-    /// Removes a file, if it is there.
-    fn remove(&self, name: &str) -> Result<(), Failure> {
-        let path = self.path.join(name);
-        match std::fs::remove_file(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                Err(Failure::failed(format!("{}: {e}", path.display())))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Writes a file as a whole; it is the user's own, since with `--keep-identity` it can name a person.
-    fn put(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        let path = self.path.join(name);
-        stillpoint_map::publish(&path, |file| file.write_all(bytes))
-            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
-        Ok(path)
-    }
 }

@@ -11,13 +11,13 @@ use stillpoint_plan::ByRows;
 use stillpoint_plan::beams::Influence;
 
 use super::args::PlanArgs;
-use super::folder;
 use super::patient::{self, Made};
 use super::pooled::Pooled;
 use super::prepared::Prepared;
 use super::request::{Patient, Request};
 use super::weights;
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::out_folder::OutFolder;
 
 /// Write the dose matrix of given beams, with their objectives, as files that other programs read.
 ///
@@ -52,13 +52,13 @@ impl Export {
             return Err(Failure::wrong("the matrix is of the planned set-up: leave out --robust"));
         }
         let request = Request::new(&self.args, &patient)?;
-        folder::make_ready(&request.out)?;
+        let out = OutFolder::ready(&request.out)?;
         let mut pooled = self.args.pool.open()?.map(Pooled::new);
         let prepared = Prepared::new(&request, pooled.as_mut())?;
         if let Some(pooled) = &mut pooled {
             pooled.print_news();
         }
-        let files = write(&request, &prepared)?;
+        let files = write(&out, &request, &prepared)?;
         if self.args.json {
             print_json(&json!({ "files": files }))?;
             return Ok(Exit::Done);
@@ -98,7 +98,7 @@ fn only_patient(args: &PlanArgs, weights: Option<Vec<f64>>) -> Result<Patient<'_
     })
 }
 
-fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure> {
+fn write(folder: &OutFolder, request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure> {
     let (setup, out) = (&request.setup, &request.out);
     let beams = request.needed_beams();
     let matrices: Vec<_> = beams.iter().map(|beam| prepared.doses.solved.beam(*beam)).collect();
@@ -125,8 +125,8 @@ fn write(request: &Request, prepared: &Prepared) -> Result<Vec<PathBuf>, Failure
         array(out.join("dose-data.npy"), &values)?,
         array(out.join("dose-indices.npy"), &columns)?,
         array(out.join("dose-starts.npy"), &starts)?,
-        text(out.join("bixels.csv"), &bixels)?,
-        text(out.join("problem.json"), &problem)?,
+        folder.put("bixels.csv", bixels.as_bytes())?,
+        folder.put("problem.json", problem.as_bytes())?,
     ])
 }
 
@@ -139,12 +139,6 @@ fn array<T: AutoSerialize + Copy>(path: PathBuf, numbers: &[T]) -> Result<PathBu
         writer.finish()?;
         buffer.flush()
     });
-    written.map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
-    Ok(path)
-}
-
-fn text(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
-    let written = stillpoint_map::publish(&path, |file| file.write_all(text.as_bytes()));
     written.map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     Ok(path)
 }

@@ -13,6 +13,7 @@ use super::prepared::Prepared;
 use super::request::{Patient, Request};
 use super::search;
 use crate::exit::{Ended, Exit, Failure};
+use crate::out_folder::OutFolder;
 
 /// A plan that was made and written.
 pub struct Made<'a> {
@@ -41,7 +42,7 @@ pub fn plan(
     report: impl FnOnce(Made<'_>) -> Result<(), Failure>,
 ) -> Ended {
     let mut request = Request::new(args, patient)?;
-    folder::make_ready(&request.out)?;
+    let out = OutFolder::ready(&request.out)?;
     let began = Instant::now();
     let mut pooled = args.pool.open()?.map(Pooled::new);
     let Searched { request, prepared, runs, best, doses_s } = loop {
@@ -59,7 +60,7 @@ pub fn plan(
     };
     let chosen_s = began.elapsed().as_secs_f64() - doses_s;
     let outcome = Outcome::new(&request, &prepared, &best)?;
-    let files = folder::write(&request, &prepared, &runs.0, &outcome)?;
+    let files = folder::write(&out, &request, &prepared, &runs.0, &outcome)?;
     let is_refused = outcome.is_refused(&request);
     report(Made {
         request: &request,

@@ -8,7 +8,6 @@ mod chart;
 mod outcome;
 mod treatment;
 
-use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +18,8 @@ use stillpoint_plan::dose::EngineName;
 
 use super::machine_of;
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::quantity::quantity;
+use crate::out_folder::OutFolder;
+use crate::quantity::within;
 use outcome::Outcome;
 use treatment::Treatment;
 
@@ -67,15 +67,8 @@ pub struct Recalculate {
 impl Recalculate {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        let within = |what: &str, given: &str, [least, most]: [f64; 2]| {
-            let value = quantity(given, "mm", &format!("--{what} {given}"))?;
-            match (least..=most).contains(&value) {
-                true => Ok(value),
-                false => Err(Failure::wrong(format!("--{what} {given}: give {least} mm to {most} mm"))),
-            }
-        };
-        let (bixel_mm, grid_mm) =
-            (within("bixel", &self.bixel, [1.0, 20.0])?, within("grid", &self.grid, [1.0, 20.0])?);
+        let bixel_mm = within("bixel", &self.bixel, "mm", [1.0, 20.0])?;
+        let grid_mm = within("grid", &self.grid, "mm", [1.0, 20.0])?;
         let case = read(&self.case).map_err(Failure::wrong)?;
         let machine = machine_of(self.machine.as_deref())?;
         let data = data_set(&self.plan)?;
@@ -93,6 +86,8 @@ impl Recalculate {
                 &format!("a dose of the kind `{sum}`: give that of the plan or of a fraction"),
             ));
         }
+        let default = || Path::new("recalculated").join(self.plan.file_stem().unwrap_or_default());
+        let out = OutFolder::ready(&self.out.clone().unwrap_or_else(default))?;
         let threads = self.threads.or_else(|| std::thread::available_parallelism().ok());
         let threads = threads.unwrap_or(NonZeroUsize::MIN);
         let outcome = Outcome::new(
@@ -104,27 +99,16 @@ impl Recalculate {
             [bixel_mm, grid_mm],
             threads,
         )?;
-        let out = self.out.clone().unwrap_or_else(|| {
-            let name = self.plan.file_stem().unwrap_or_default();
-            Path::new("recalculated").join(name)
-        });
         let svg = chart::histograms(&outcome).map_err(Failure::failed)?;
         let reported = outcome.reported();
         let text = serde_json::to_string_pretty(&reported).map_err(Failure::failed)?;
-        let fault = |e: &dyn std::fmt::Display| {
-            Failure::failed(format!("{}: {e}; choose another folder with --out", out.display()))
-        };
-        std::fs::create_dir_all(&out).map_err(|e| fault(&e))?;
-        let files = [("recalculated.json", text), ("recalculated.svg", svg)];
-        for (name, text) in &files {
-            stillpoint_map::publish(&out.join(name), |file| file.write_all(text.as_bytes()))
-                .map_err(|e| fault(&e))?;
-        }
+        let files =
+            [out.put("recalculated.json", text.as_bytes())?, out.put("recalculated.svg", svg.as_bytes())?];
         if self.json {
             print_json(&reported)?;
         } else {
             outcome.print();
-            files.iter().for_each(|(name, _)| outln!("{}", out.join(name).display()));
+            files.iter().for_each(|file| outln!("{}", file.display()));
         }
         Ok(Exit::Done)
     }
