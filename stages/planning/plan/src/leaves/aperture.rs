@@ -121,7 +121,7 @@ impl Direction {
         width_mm: f64,
     ) {
         let along_z = leaves.is_some_and(|leaves| leaves.along_z);
-        let Some((field_mm, edges_mm, tips_mm)) = opening(at, leaves) else { return };
+        let Some(Opening { field_mm, edges_mm, tips_mm }) = opening(at, leaves) else { return };
         let collimator = Collimator { leaf_edges_mm: edges_mm, transmission, ..Collimator::generic() };
         let segment = Segment { tips_mm, weight: 1.0 };
         let beam = LeafBeam { field_mm, segments: Vec::new() };
@@ -153,9 +153,15 @@ impl Direction {
     }
 }
 
-/// The field along the travel and across it, the edges of the pairs, and their tips. Nothing where jaws meet, and where
-/// neither jaws nor open leaves end the field along the travel.
-fn opening(at: &Aperture, leaves: Option<LeafPairs<'_>>) -> Option<([[f64; 2]; 2], Vec<f64>, Vec<[f64; 2]>)> {
+/// What an aperture leaves open: the field along the travel and across it, the edges of the pairs, and their tips.
+struct Opening {
+    field_mm: [[f64; 2]; 2],
+    edges_mm: Vec<f64>,
+    tips_mm: Vec<[f64; 2]>,
+}
+
+/// Nothing where jaws meet, and where neither jaws nor open leaves end the field along the travel.
+fn opening(at: &Aperture, leaves: Option<LeafPairs<'_>>) -> Option<Opening> {
     let [x, z] = at.jaws_mm;
     let (along, across) = if leaves.is_some_and(|leaves| leaves.along_z) { (z, x) } else { (x, z) };
     let (edges_mm, tips_mm) = match leaves {
@@ -170,7 +176,7 @@ fn opening(at: &Aperture, leaves: Option<LeafPairs<'_>>) -> Option<([[f64; 2]; 2
     })?;
     let across = across.unwrap_or([*edges_mm.first()?, *edges_mm.last()?]);
     let is_open = along[0] < along[1] && across[0] < across[1];
-    is_open.then_some(([along, across], edges_mm, tips_mm))
+    is_open.then_some(Opening { field_mm: [along, across], edges_mm, tips_mm })
 }
 
 #[cfg(test)]
