@@ -48,7 +48,7 @@ pub fn doses(planned: &Planned, threads: NonZeroUsize) -> Result<Vec<StructureDo
     let params = setup.engine().params();
     let recompute = Recompute::new(&setup.case, setup.spec.machine.clone(), params, setup.points_mm())?;
     let of_beam = |beam: &u16| WeightedBeam {
-        gantry_deg: setup.spec.ring.angle_deg(*beam),
+        angles: setup.directions.angles(*beam),
         weights: best.weights_of(*beam).unwrap_or_default(),
         bixels_mm: None,
     };

@@ -161,7 +161,7 @@ impl NativeSetup {
         }
         let mut notes = setup.objective_set.notes.clone();
         if setup.engine_name() == EngineName::Pencil {
-            let beams: Vec<u16> = (0..setup.spec.ring.count()).collect();
+            let beams: Vec<u16> = (0..setup.directions.ring().count()).collect();
             notes.extend(setup.low_density_of(&beams).map_err(raise)?.caution());
         }
         let about = json!({
@@ -227,7 +227,7 @@ impl NativeSetup {
             ..request
         };
         let setup = &self.setup;
-        let search = request.check(&setup.case, setup.spec.ring).map_err(raise)?;
+        let search = request.check(&setup.case, setup.directions.clone()).map_err(raise)?;
         let run = interruptible(py, |_| {
             let doses = PlanDoses::compute(setup, &search.needed_beams(), search.threads).map_err(raise)?;
             let run = search.run(search.evaluator(setup, &doses, None)).map_err(raise)?;
@@ -333,7 +333,7 @@ impl NativeBeams {
         let mut rest = weights;
         for beam in &self.beams {
             let (own, behind) = rest.split_at(beam.beam.bixels_mm().len());
-            weighted.push(WeightedBeam { gantry_deg: beam.beam.gantry_deg(), weights: own, bixels_mm: None });
+            weighted.push(WeightedBeam { angles: beam.beam.angles(), weights: own, bixels_mm: None });
             rest = behind;
         }
         let gray = recompute.dose(&weighted, [0.0; 3], self.threads).map_err(raise)?;

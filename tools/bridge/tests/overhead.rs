@@ -110,7 +110,7 @@ fn doses() -> Problem {
     let bytes = engine.to_bytes().unwrap();
     let name = Hash::of(&bytes);
     let angle = |i: usize| 3.0 * i as f64;
-    let calls = (0..CALLS).map(|i| Call::Dose { engine: name, gantry_deg: angle(i) }).collect();
+    let calls = (0..CALLS).map(|i| Call::dose(name, angle(i))).collect();
     let compute = move |i: usize| engine.beam_file(angle(i)).unwrap();
     Problem { calls, contents: BTreeMap::from([(name, bytes)]), compute: Box::new(compute) }
 }

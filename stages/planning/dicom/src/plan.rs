@@ -27,13 +27,15 @@ pub struct Machine<'a> {
     pub source_axis_mm: f64,
 }
 
-/// One beam of a plan; couch and collimator stand at zero.
+/// One beam of a plan; the collimator stands at zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beam {
     /// Its name, unique for people, at most 64 characters.
     pub name: String,
     /// IEC 61217 gantry angle, degrees from 0 to below 360.
     pub gantry_deg: f64,
+    /// IEC 61217 couch angle (patient support), degrees from 0 to below 360.
+    pub couch_deg: f64,
     /// Isocentre, mm in the DICOM patient frame.
     pub isocentre_mm: [f64; 3],
     /// Share of the plan, as its final cumulative meterset weight. It is no monitor units.
@@ -281,21 +283,22 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
     let mut point = Writer::default();
     point.whole(tags::CONTROL_POINT_INDEX, 0).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[0.0]);
     point.decimals(tags::NOMINAL_BEAM_ENERGY, &[positive("an energy", machine.energy_mv)?]);
-    if !(0.0..360.0).contains(&beam.gantry_deg) {
-        let why = "0 to below 360 degrees is expected";
-        return Err(ExportError::Number { what: "a gantry angle", value: beam.gantry_deg, why });
+    for (what, value) in [("a gantry angle", beam.gantry_deg), ("a couch angle", beam.couch_deg)] {
+        if !(0.0..360.0).contains(&value) {
+            return Err(ExportError::Number { what, value, why: "0 to below 360 degrees is expected" });
+        }
     }
     point.decimals(tags::GANTRY_ANGLE, &[beam.gantry_deg]).put(
         tags::GANTRY_ROTATION_DIRECTION,
         VR::CS,
         "NONE",
     );
-    for (angle, direction) in [
-        (tags::BEAM_LIMITING_DEVICE_ANGLE, tags::BEAM_LIMITING_DEVICE_ROTATION_DIRECTION),
-        (tags::PATIENT_SUPPORT_ANGLE, tags::PATIENT_SUPPORT_ROTATION_DIRECTION),
-        (tags::TABLE_TOP_ECCENTRIC_ANGLE, tags::TABLE_TOP_ECCENTRIC_ROTATION_DIRECTION),
+    for (angle, direction, degrees) in [
+        (tags::BEAM_LIMITING_DEVICE_ANGLE, tags::BEAM_LIMITING_DEVICE_ROTATION_DIRECTION, 0.0),
+        (tags::PATIENT_SUPPORT_ANGLE, tags::PATIENT_SUPPORT_ROTATION_DIRECTION, beam.couch_deg),
+        (tags::TABLE_TOP_ECCENTRIC_ANGLE, tags::TABLE_TOP_ECCENTRIC_ROTATION_DIRECTION, 0.0),
     ] {
-        point.decimals(angle, &[0.0]).put(direction, VR::CS, "NONE");
+        point.decimals(angle, &[degrees]).put(direction, VR::CS, "NONE");
     }
     for unknown in [
         tags::TABLE_TOP_VERTICAL_POSITION,

@@ -18,6 +18,8 @@ const MOST_POINTS: usize = 2000;
 const FARTHEST_MM: f64 = 1000.0;
 /// How far a cumulative weight may fall by rounding, as a part of the final one.
 const ROUNDING: f64 = 1e-5;
+/// Angle up to which a table top counts as level, degrees.
+const LEVEL_DEG: f64 = 0.05;
 
 /// A plan as it is to be delivered.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +77,7 @@ pub struct ControlPoint {
     pub gantry_deg: f64,
     /// IEC 61217 collimator angle, degrees, which runs on in the same way.
     pub collimator_deg: f64,
-    /// IEC 61217 couch angle, degrees.
+    /// IEC 61217 couch angle (patient support), degrees, which runs on in the same way.
     pub couch_deg: f64,
     /// Lower and upper edge of the jaws along x, then y of the collimator, mm on the isocentre plane; none of a machine without.
     pub jaws_mm: [Option<[f64; 2]>; 2],
@@ -276,6 +278,15 @@ impl Devices {
             return wrong(tags::CUMULATIVE_METERSET_WEIGHT, weight, why);
         }
         let angle = |tag, of: fn(&ControlPoint) -> f64| turned(point, tag, before.map(of));
+        // A table top that is turned about itself or tilted is another geometry.
+        for tag in [tags::TABLE_TOP_ECCENTRIC_ANGLE, tags::TABLE_TOP_PITCH_ANGLE, tags::TABLE_TOP_ROLL_ANGLE]
+        {
+            if let Some(turned) = turned(point, tag, None)?
+                && turned.abs().min((turned.abs() - 360.0).abs()) > LEVEL_DEG
+            {
+                return wrong(tag, turned, "a level table top is read: 0 degrees is expected");
+            }
+        }
         let Some(gantry_deg) = angle(tags::GANTRY_ANGLE, |p| p.gantry_deg)? else {
             return Err(TagError::Missing(tags::GANTRY_ANGLE));
         };

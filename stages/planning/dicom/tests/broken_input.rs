@@ -128,6 +128,7 @@ static TREATMENT: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
     let beam = Beam {
         name: "one".to_owned(),
         gantry_deg: 72.0,
+        couch_deg: 0.0,
         isocentre_mm: [-2.0, 4.0, 5.5],
         weight: 1.0,
         field_mm: [[-35.0, 40.0], [-10.0, 10.0]],

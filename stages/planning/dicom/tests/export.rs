@@ -29,6 +29,7 @@ fn beams() -> Vec<Beam> {
     let beam = |i: usize| Beam {
         name: format!("{} degrees", 72 * i),
         gantry_deg: 72.0 * i as f64,
+        couch_deg: [0.0, 0.0, 12.5, 330.0, 0.0][i],
         isocentre_mm: [-2.0059738816337926, 3.9915254237288025, 5.651986662961917],
         weight: (i + 2) as f64 / 20.0,
         field_mm: [[-35.0, 40.0], [-30.5, 30.0]],
@@ -123,6 +124,7 @@ fn what_cannot_be_written_is_refused() {
     assert!(message(&|p, _| p.fractions = 0).contains("number of fractions"));
     assert!(message(&|p, _| p.machine.source_axis_mm = f64::NAN).contains("distance of the source"));
     assert!(message(&|_, b| b[1].gantry_deg = 360.0).contains("below 360"));
+    assert!(message(&|_, b| b[1].couch_deg = -30.0).contains("couch angle"));
     assert!(message(&|_, b| b[1].weight = -0.1).contains("weight of a beam"));
     assert!(message(&|_, b| b[1].isocentre_mm[2] = f64::INFINITY).contains("isocentre"));
     assert!(message(&|_, b| b[1].field_mm[0] = [3.0, 3.0]).contains("width of a field"));
@@ -190,7 +192,7 @@ g = plan.FractionGroupSequence[0]
 print(g.NumberOfFractionsPlanned, g.NumberOfBeams, [int(b.ReferencedBeamNumber) for b in g.ReferencedBeamSequence])
 for b in plan.BeamSequence:
     c = b.ControlPointSequence
-    print(b.BeamNumber, b.BeamName, b.RadiationType, float(b.SourceAxisDistance), float(c[0].GantryAngle), [float(v) for v in c[0].IsocenterPosition],
+    print(b.BeamNumber, b.BeamName, b.RadiationType, float(b.SourceAxisDistance), float(c[0].GantryAngle), float(c[0].PatientSupportAngle), [float(v) for v in c[0].IsocenterPosition],
           float(b.FinalCumulativeMetersetWeight), float(c[1].CumulativeMetersetWeight), float(c[0].NominalBeamEnergy),
           [[float(v) for v in d.LeafJawPositions] for d in c[0].BeamLimitingDevicePositionSequence])
 print(dose.ReferencedRTPlanSequence[0].ReferencedSOPInstanceUID == plan.SOPInstanceUID, dose.DoseUnits, dose.DoseSummationType)
@@ -227,10 +229,11 @@ fn pydicom_reads_the_plan_and_the_dose_back() {
         for (i, beam) in beams().iter().enumerate() {
             let [x, y, z] = [-2.0059738816338, 3.9915254237288, 5.65198666296192];
             let expected = format!(
-                "{} {} PHOTON 1000.0 {:?} [{x}, {y}, {z}] {w:?} {w:?} 6.0 [[-35.0, 40.0], [-30.5, 30.0]]",
+                "{} {} PHOTON 1000.0 {:?} {:?} [{x}, {y}, {z}] {w:?} {w:?} 6.0 [[-35.0, 40.0], [-30.5, 30.0]]",
                 i + 1,
                 beam.name,
                 beam.gantry_deg,
+                beam.couch_deg,
                 w = beam.weight
             );
             assert_eq!(lines[8 + i], expected);

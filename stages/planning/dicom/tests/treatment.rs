@@ -59,7 +59,7 @@ fn a_plan_that_was_exported_is_read_back_segment_by_segment() {
             for point in pair {
                 assert_eq!(point.tips_mm, segment.tips_mm);
                 assert_eq!((point.jaws_mm, point.gantry_deg), (wanted.field_mm.map(Some), wanted.gantry_deg));
-                assert_eq!((point.collimator_deg, point.couch_deg), (0.0, 0.0));
+                assert_eq!((point.collimator_deg, point.couch_deg), (0.0, wanted.couch_deg));
             }
         }
     }
@@ -73,6 +73,9 @@ fn what_would_give_another_dose_is_refused_with_the_beam_and_the_tag() {
     let refused = |object: InMemDicomObject| TreatmentPlan::read(&object).unwrap_err().to_string();
     for (object, words) in [
         (changed(BEAM, number(tags::NUMBER_OF_WEDGES, "1")), "wedge"),
+        (changed(POINT, number(tags::TABLE_TOP_PITCH_ANGLE, "2")), "level table top"),
+        (changed(POINT, number(tags::TABLE_TOP_ROLL_ANGLE, "359")), "level table top"),
+        (changed(POINT, number(tags::TABLE_TOP_ECCENTRIC_ANGLE, "90")), "level table top"),
         (changed(BEAM, number(tags::NUMBER_OF_BLOCKS, "1")), "block"),
         (changed(BEAM, |o| put(o, tags::RADIATION_TYPE, VR::CS, "ELECTRON")), "photons are read"),
         (changed(BEAM, number(tags::FINAL_CUMULATIVE_METERSET_WEIGHT, "2")), "final weight"),

@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
-use crate::dose::{DoseError, DoseParams, EngineName, Machine};
+use crate::dose::{BeamAngles, DoseError, DoseParams, EngineName, Machine};
 use crate::evaluation::{OnGrid, StructureDose};
 use crate::recompute::{BeamFluence, Recompute};
 use stillpoint_patient::case::{Case, Role};
@@ -70,8 +70,8 @@ pub struct Checked {
 /// A beam of a plan that is checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckedBeam {
-    /// IEC 61217, degrees.
-    pub gantry_deg: f64,
+    /// Where it comes from.
+    pub angles: BeamAngles,
     /// Centres of its bixels, mm.
     pub bixels_mm: Vec<[f64; 2]>,
     /// Their weights as they were optimised.
@@ -122,8 +122,8 @@ pub enum Fault {
     },
     /// A bixel carries too much of its beam.
     Peak {
-        /// Gantry angle, degrees.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
         /// Centre of the bixel, mm.
         bixel_mm: [f64; 2],
         /// Its weight.
@@ -181,9 +181,9 @@ impl Display for Fault {
                 100.0 * part,
                 100.0 * most
             ),
-            Self::Peak { gantry_deg, bixel_mm: [x, z], weight, median, count, most } => write!(
+            Self::Peak { angles, bixel_mm: [x, z], weight, median, count, most } => write!(
                 f,
-                "the beam at {gantry_deg} degrees has {count} bixels above {most} medians; that at x = {x} mm, z = {z} mm \
+                "the beam at {angles} degrees has {count} bixels above {most} medians; that at x = {x} mm, z = {z} mm \
                  has a weight of {weight:.1} at a median of {median:.2}: look at its fluence"
             ),
             Self::Units { monitor_units, fraction_gy, most } => write!(
@@ -306,7 +306,7 @@ fn peak(beam: &CheckedBeam, median: f64, most: f64) -> Option<Fault> {
         all.filter(|(at, (_, weight))| is_peak(*at, **weight)).map(|(_, peak)| peak).collect();
     let (bixel_mm, weight) = peaks.iter().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     Some(Fault::Peak {
-        gantry_deg: beam.gantry_deg,
+        angles: beam.angles,
         bixel_mm: **bixel_mm,
         weight: **weight,
         median,
@@ -389,13 +389,13 @@ impl Check {
         for beam in plan.planned {
             // Beams without segments are not delivered.
             let (mut delivered, mut outside) = (0.0, 0.0);
-            for given in plan.delivered.iter().filter(|given| given.gantry_deg == beam.gantry_deg) {
-                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm, moved_mm)?;
+            for given in plan.delivered.iter().filter(|given| given.angles == beam.angles) {
+                let parts = recompute.parts_outside(given.angles, &given.bixels_mm, moved_mm)?;
                 delivered += given.weights.iter().sum::<f64>();
                 outside += given.weights.iter().zip(parts).map(|(weight, part)| weight * part).sum::<f64>();
             }
-            let BeamFluence { gantry_deg, bixels_mm, weights } = beam.clone();
-            checked.push(CheckedBeam { gantry_deg, bixels_mm, weights, delivered, outside });
+            let BeamFluence { angles, bixels_mm, weights } = beam.clone();
+            checked.push(CheckedBeam { angles, bixels_mm, weights, delivered, outside });
         }
         Ok(Self {
             beams: checked,
@@ -432,7 +432,7 @@ mod tests {
 
     fn good() -> Check {
         let beam = CheckedBeam {
-            gantry_deg: 40.0,
+            angles: 40.0.into(),
             bixels_mm: vec![[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0]],
             weights: vec![1.0, 2.0, 3.0, 0.0],
             delivered: 6.0,
@@ -479,7 +479,7 @@ mod tests {
         let places = (0..81).map(|i| [i % 9, i / 9]);
         let is_middle = |at: &[i32; 2]| at.iter().all(|k| (2..7).contains(k));
         CheckedBeam {
-            gantry_deg: 40.0,
+            angles: 40.0.into(),
             bixels_mm: places.clone().map(|at| at.map(|k| 10.0 * f64::from(k))).collect(),
             weights: places.map(|at| if is_middle(&at) { 10.0 } else { 0.5 }).collect(),
             delivered: 278.0,

@@ -9,7 +9,7 @@ use stillpoint_patient::case::Prescription;
 use thiserror::Error;
 
 use crate::check::{Bounds, CheckValues, Checked};
-use crate::dose::{Collimator, EngineName};
+use crate::dose::{BeamAngles, Collimator, EngineName};
 use crate::evaluation::{FallOff, StructureDose};
 use crate::protocol::{Judged, Served};
 use crate::recipe::MethodName;
@@ -209,6 +209,9 @@ pub struct PlanFileGame {
 pub struct PlanFileBeam {
     /// IEC 61217, degrees.
     pub gantry_deg: f64,
+    /// Couch angle (patient support), IEC 61217, degrees; files of older builds have none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub couch_deg: f64,
     /// Sum of the weights.
     #[serde(default)]
     pub weight: f64,
@@ -337,6 +340,9 @@ pub struct PlanFileLeaves {
 pub struct PlanFileLeafBeam {
     /// IEC 61217, degrees.
     pub gantry_deg: f64,
+    /// Couch angle (patient support), IEC 61217, degrees; files of older builds have none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub couch_deg: f64,
     /// Monitor units in one fraction.
     #[serde(default)]
     pub monitor_units: f64,
@@ -380,6 +386,9 @@ pub struct PlanFileSearch {
     pub objective: f64,
     /// Gantry angles of the best set, degrees.
     pub angles_deg: Vec<f64>,
+    /// Couch angles of the best set, degrees; none where all are 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub couches_deg: Vec<f64>,
     /// Solves.
     pub solves: usize,
     /// Beams priced.
@@ -390,6 +399,24 @@ pub struct PlanFileSearch {
 
 fn one() -> usize {
     1
+}
+
+fn is_zero(degrees: &f64) -> bool {
+    *degrees == 0.0
+}
+
+impl PlanFileBeam {
+    /// Where the beam comes from.
+    pub fn angles(&self) -> BeamAngles {
+        BeamAngles { gantry_deg: self.gantry_deg, couch_deg: self.couch_deg }
+    }
+}
+
+impl PlanFileLeafBeam {
+    /// Where the beam comes from.
+    pub fn angles(&self) -> BeamAngles {
+        BeamAngles { gantry_deg: self.gantry_deg, couch_deg: self.couch_deg }
+    }
 }
 
 /// A solve.
@@ -403,6 +430,9 @@ pub struct PlanFileSolve {
     pub prices: usize,
     /// Gantry angles of the set, degrees.
     pub angles_deg: Vec<f64>,
+    /// Couch angles of the set, degrees; none where all are 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub couches_deg: Vec<f64>,
 }
 
 /// The reasons why bytes are not a plan file.
@@ -456,6 +486,11 @@ impl PlanFile {
     /// The limits of those figures.
     pub fn limits(&self) -> &[Judged] {
         self.shown().protocol.as_ref().map_or(&[], |protocol| &protocol.limits)
+    }
+
+    /// Where the beams come from.
+    pub fn angles(&self) -> Vec<BeamAngles> {
+        self.beams.iter().map(PlanFileBeam::angles).collect()
     }
 
     /// Gantry angles of the beams, degrees.

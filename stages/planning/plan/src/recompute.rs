@@ -5,7 +5,7 @@
 
 use std::num::NonZeroUsize;
 
-use crate::dose::{DoseEngine, DoseError, DoseParams, EngineName, Machine};
+use crate::dose::{BeamAngles, DoseEngine, DoseError, DoseParams, EngineName, Machine};
 use crate::occupancy::Occupancy;
 use crate::threads::on_threads;
 use stillpoint_patient::Grid;
@@ -32,8 +32,8 @@ pub struct Recompute {
 /// A beam with the weights of its bixels, in the order of the engine's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WeightedBeam<'a> {
-    /// IEC 61217, degrees.
-    pub gantry_deg: f64,
+    /// Where it comes from.
+    pub angles: BeamAngles,
     /// By bixel.
     pub weights: &'a [f64],
     /// Centres of the bixels, mm, where they are others than the engine's.
@@ -43,8 +43,8 @@ pub struct WeightedBeam<'a> {
 /// The fluence of a beam on bixels of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamFluence {
-    /// IEC 61217, degrees.
-    pub gantry_deg: f64,
+    /// Where it comes from.
+    pub angles: BeamAngles,
     /// Centres of the bixels, mm.
     pub bixels_mm: Vec<[f64; 2]>,
     /// Their weights, of all fractions.
@@ -55,8 +55,8 @@ impl BeamFluence {
     /// Beams as the engine takes them.
     pub fn weighted(beams: &[Self]) -> Vec<WeightedBeam<'_>> {
         let mut weighted = Vec::with_capacity(beams.len());
-        for Self { gantry_deg, bixels_mm, weights } in beams {
-            weighted.push(WeightedBeam { gantry_deg: *gantry_deg, weights, bixels_mm: Some(bixels_mm) });
+        for Self { angles, bixels_mm, weights } in beams {
+            weighted.push(WeightedBeam { angles: *angles, weights, bixels_mm: Some(bixels_mm) });
         }
         weighted
     }
@@ -123,8 +123,8 @@ impl Recompute {
             &moved
         };
         self.sum(beams, threads, |beam| match beam.bixels_mm {
-            None => engine.weighted_beam(beam.gantry_deg, beam.weights),
-            Some(bixels_mm) => engine.weighted_bixels(beam.gantry_deg, bixels_mm, beam.weights),
+            None => engine.weighted_beam(beam.angles, beam.weights),
+            Some(bixels_mm) => engine.weighted_bixels(beam.angles, bixels_mm, beam.weights),
         })
     }
 
@@ -138,7 +138,7 @@ impl Recompute {
     ) -> Result<Vec<f32>, DoseError> {
         self.sum(beams, threads, |beam| {
             let bixels_mm = beam.bixels_mm.unwrap_or_default();
-            self.engine.moved_bixels(beam.gantry_deg, bixels_mm, beam.weights, motion)
+            self.engine.moved_bixels(beam.angles, bixels_mm, beam.weights, motion)
         })
     }
 
@@ -149,11 +149,11 @@ impl Recompute {
     /// An angle out of range.
     pub fn parts_outside(
         &self,
-        gantry_deg: f64,
+        angles: BeamAngles,
         bixels_mm: &[[f64; 2]],
         shift_mm: [f64; 3],
     ) -> Result<Vec<f64>, DoseError> {
-        self.engine.shifted(shift_mm)?.parts_outside(gantry_deg, bixels_mm)
+        self.engine.shifted(shift_mm)?.parts_outside(angles, bixels_mm)
     }
 
     fn sum(
@@ -220,7 +220,7 @@ mod tests {
                 let (rows, values) = beam.dose.view().column(j);
                 rows.iter().zip(values).for_each(|(r, v)| expected[*r as usize] += weight * f64::from(*v));
             }
-            let beams = [WeightedBeam { gantry_deg: angle, weights: &weights, bixels_mm: None }];
+            let beams = [WeightedBeam { angles: angle.into(), weights: &weights, bixels_mm: None }];
             let found = recompute.dose(&beams, shift, NonZeroUsize::MIN).unwrap();
             let largest = expected.iter().fold(0.0, |a, b| f64::max(a, *b));
             let off = found.iter().zip(&expected).map(|(f, e)| (f64::from(*f) - e).abs()).fold(0.0, f64::max);
@@ -240,12 +240,12 @@ mod tests {
         let beams: Vec<WeightedBeam<'_>> = weights
             .iter()
             .enumerate()
-            .map(|(i, weights)| WeightedBeam { gantry_deg: 40.0 * i as f64, weights, bixels_mm: None })
+            .map(|(i, weights)| WeightedBeam { angles: (40.0 * i as f64).into(), weights, bixels_mm: None })
             .collect();
         let dose =
             |threads: usize| recompute.dose(&beams, [0.0; 3], NonZeroUsize::new(threads).unwrap()).unwrap();
         assert_eq!(dose(1), dose(3));
-        let wrong = [WeightedBeam { gantry_deg: 0.0, weights: &[1.0], bixels_mm: None }];
+        let wrong = [WeightedBeam { angles: 0.0.into(), weights: &[1.0], bixels_mm: None }];
         let fault = recompute.dose(&wrong, [0.0; 3], NonZeroUsize::MIN).unwrap_err();
         assert!(matches!(fault, DoseError::Weights { found: 1, .. }), "{fault}");
     }

@@ -187,7 +187,7 @@ impl Patient {
         moved_mm: [f64; 3],
     ) -> Result<Checked, DoseError> {
         let fluence = |beam: &u16| BeamFluence {
-            gantry_deg: self.ring().angle_deg(*beam),
+            angles: self.ring().angle_deg(*beam).into(),
             bixels_mm: bixels_mm(*beam),
             weights: plan.weights_of(*beam).unwrap_or_default().to_vec(),
         };
@@ -203,7 +203,7 @@ impl Patient {
     pub fn keeps_limits(&self, plan: &Evaluated, shift_mm: [f64; 3]) -> Result<bool, DoseError> {
         let Some(recompute) = &self.recompute else { return Ok(true) };
         let weighted = |beam: &u16| WeightedBeam {
-            gantry_deg: self.ring().angle_deg(*beam),
+            angles: self.ring().angle_deg(*beam).into(),
             weights: plan.weights_of(*beam).unwrap_or_default(),
             bixels_mm: None,
         };

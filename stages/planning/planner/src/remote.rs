@@ -98,7 +98,7 @@ impl Job {
         let Some((engine, _)) = self.remote.engine else { return Ok(requested) };
         for beam in self.doses.len() as u16..patient.ring().count() {
             if !self.remote.early.contains_key(&beam) {
-                let call = Call::Dose { engine, gantry_deg: patient.ring().angle_deg(beam) };
+                let call = Call::dose(engine, patient.ring().angle_deg(beam));
                 let key = call.key(build);
                 self.remote.beams.insert(key, beam);
                 requested.awaited.insert(key);
@@ -132,8 +132,8 @@ impl Job {
         let Some(call) = self.remote.open.calls.remove(key) else { return Ok(()) };
         self.remote.news = true;
         match call {
-            Call::Dose { gantry_deg, .. } => {
-                let dose = self.engine.beam_of(gantry_deg, bytes).map_err(|e| fault(&e))?;
+            Call::Dose { gantry_deg, couch_deg, .. } => {
+                let dose = self.engine.beam_of([gantry_deg, couch_deg], bytes).map_err(|e| fault(&e))?;
                 if let Some(beam) = self.remote.beams.get(key) {
                     self.remote.early.insert(*beam, dose);
                 }
@@ -198,8 +198,8 @@ impl Job {
     /// Computes a call that waits for its answer.
     pub fn compute(&self, patient: &Patient, key: &Hash) -> Result<Option<Vec<u8>>, StepError> {
         let Some(call) = self.remote.open.calls.get(key) else { return Ok(None) };
-        if let Call::Dose { gantry_deg, .. } = call {
-            return self.engine.beam_file(*gantry_deg).map(Some).map_err(|e| fault(&e));
+        if let Call::Dose { gantry_deg, couch_deg, .. } = call {
+            return self.engine.beam_file([*gantry_deg, *couch_deg]).map(Some).map_err(|e| fault(&e));
         }
         let plan = match call {
             Call::Price { base: Some(base), .. } => self.remote.open.plans.get(base),
@@ -234,8 +234,8 @@ impl Inside for Served<'_> {
     fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), CallError> {
         let Some(job) = self.job else { return Ok(()) };
         match (job.remote.open.calls.get(key), &job.remote.names) {
-            (Some(Call::Dose { gantry_deg, .. }), _) => {
-                job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(CallError::of)
+            (Some(Call::Dose { gantry_deg, couch_deg, .. }), _) => {
+                job.engine.beam_of([*gantry_deg, *couch_deg], answer).map(drop).map_err(CallError::of)
             }
             (Some(call), Some(names)) => {
                 PoolSetup::named(&job.doses[..], self.patient.goals(), names).check(call, answer)

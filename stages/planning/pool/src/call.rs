@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stillpoint_network::patient::Body;
 use stillpoint_network::{Patient, Rules};
+use stillpoint_plan::dose::BeamAngles;
 
 use crate::wire::{Format, WireError, at_most};
 use crate::{Build, Hash, game};
@@ -14,7 +15,7 @@ pub const MOST_SETUPS: usize = 256;
 /// The most bytes of a call.
 pub const MOST_BYTES: usize = 4 << 20;
 
-const FORMAT: Format = Format { what: "a call", mark: b"SPCALL02", most: MOST_BYTES };
+const FORMAT: Format = Format { what: "a call", mark: b"SPCALL03", most: MOST_BYTES };
 
 /// Names of the dose matrices of one beam, one for each set-up of the patient.
 pub type BeamDoses = Vec<Hash>;
@@ -29,6 +30,8 @@ pub enum Call {
         engine: Hash,
         /// Gantry angle, degrees.
         gantry_deg: f64,
+        /// Couch angle, degrees.
+        couch_deg: f64,
     },
     /// The best fluence of a set of beams. The answer is a plan; see [`crate::answer`].
     Solve {
@@ -120,6 +123,12 @@ impl Call {
             Self::Price { candidates, .. } => candidates.len(),
             Self::Dose { .. } | Self::Solve { .. } | Self::Game { .. } => 0,
         }
+    }
+
+    /// The dose of a beam by the engine of this name.
+    pub fn dose(engine: Hash, angles: impl Into<BeamAngles>) -> Self {
+        let BeamAngles { gantry_deg, couch_deg } = angles.into();
+        Self::Dose { engine, gantry_deg, couch_deg }
     }
 
     /// A solve to this part of the optimum.

@@ -8,7 +8,7 @@ use stillpoint_network::{Model, Patient, Rules};
 use stillpoint_patient::case::Case;
 use stillpoint_plan::Setups;
 use stillpoint_plan::beams::{checked_tolerance, price_beams, solve_beams};
-use stillpoint_plan::dose::{BeamFile, DoseEngine};
+use stillpoint_plan::dose::{BeamAngles, BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
 use crate::{CallError, answer};
@@ -19,8 +19,8 @@ pub enum Ready {
     Dose {
         /// The engine.
         engine: Arc<DoseEngine>,
-        /// Gantry angle, degrees.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
     },
     /// The best fluence of beams.
     Solve {
@@ -64,7 +64,7 @@ impl Ready {
     /// The arguments do not fit each other.
     pub fn compute(&self) -> Result<Vec<u8>, CallError> {
         match self {
-            Self::Dose { engine, gantry_deg } => engine.beam_file(*gantry_deg).map_err(CallError::of),
+            Self::Dose { engine, angles } => engine.beam_file(*angles).map_err(CallError::of),
             Self::Solve { goals, beams, start, tolerance } => {
                 let tolerance = checked_tolerance(*tolerance).map_err(CallError::of)?;
                 let plan =

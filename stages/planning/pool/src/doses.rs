@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use stillpoint_plan::dose::{BeamFile, CacheError, DoseCache, DoseEngine};
+use stillpoint_plan::dose::{BeamAngles, BeamFile, CacheError, DoseCache, DoseEngine};
 
 use crate::{Call, CallError, Courier, Hash, Home, Pool};
 
@@ -24,17 +24,16 @@ impl PoolDoses {
         pool: &mut Pool<C>,
         cache: &DoseCache,
         engines: &[DoseEngine],
-        angles_deg: &[f64],
+        angles: &[impl Into<BeamAngles> + Copy],
         mut on_dose: impl FnMut(),
     ) -> Result<(), CallError> {
         for engine in engines {
-            let mut missing = cache.missing(engine, angles_deg);
+            let mut missing = cache.missing(engine, angles);
             while !missing.is_empty() {
                 let bytes = engine.to_bytes().map_err(CallError::of)?;
                 let name = Hash::of(&bytes);
-                let calls: Vec<Call> =
-                    missing.iter().map(|deg| Call::Dose { engine: name, gantry_deg: *deg }).collect();
-                let home = Dosing { engine, name, bytes: &bytes, angles_deg: &missing };
+                let calls: Vec<Call> = missing.iter().map(|angles| Call::dose(name, *angles)).collect();
+                let home = Dosing { engine, name, bytes: &bytes, angles: &missing };
                 pool.call_each(&calls, &home, |call, answer| {
                     match cache.put(engine, missing[call], answer) {
                         // What is no dose of this engine stays missing: this process computes it when it loads the doses.
@@ -45,12 +44,12 @@ impl PoolDoses {
                         Err(e) => Err(CallError::of(e)),
                     }
                 })?;
-                let files = missing.iter().map(|deg| cache.file(engine, *deg));
+                let files = missing.iter().map(|angles| cache.file(engine, *angles));
                 self.made.extend(calls.iter().map(|call| pool.key(call)).zip(files));
                 let tainted = pool.take_tainted();
                 self.remove(&tainted);
                 // Those in doubt are computed again; one worker fewer is asked each time.
-                missing = if tainted.is_empty() { Vec::new() } else { cache.missing(engine, angles_deg) };
+                missing = if tainted.is_empty() { Vec::new() } else { cache.missing(engine, angles) };
             }
         }
         Ok(())
@@ -69,7 +68,7 @@ struct Dosing<'a> {
     engine: &'a DoseEngine,
     name: Hash,
     bytes: &'a [u8],
-    angles_deg: &'a [f64],
+    angles: &'a [BeamAngles],
 }
 
 impl Home for Dosing<'_> {
@@ -79,10 +78,10 @@ impl Home for Dosing<'_> {
 
     fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError> {
         // The rest is checked when it is put into the cache.
-        BeamFile::check_bytes(answer, self.angles_deg[call]).map_err(CallError::of)
+        BeamFile::check_bytes(answer, self.angles[call]).map_err(CallError::of)
     }
 
     fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
-        self.engine.beam_file(self.angles_deg[call]).map_err(CallError::of)
+        self.engine.beam_file(self.angles[call]).map_err(CallError::of)
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use stillpoint_network::Model;
 use stillpoint_patient::case;
-use stillpoint_plan::dose::{BeamFile, DoseEngine};
+use stillpoint_plan::dose::{BeamAngles, BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
 use crate::call::BeamDoses;
@@ -40,12 +40,12 @@ impl Opened {
     /// An argument is not what the call takes it for.
     pub fn ready(&mut self, store: &mut Store, call: Call) -> Result<Ready, CallError> {
         match call {
-            Call::Dose { engine, gantry_deg } => {
+            Call::Dose { engine, gantry_deg, couch_deg } => {
                 let found = self.item(store, &engine, |bytes, _| {
                     DoseEngine::from_bytes(bytes).map(|e| Item::Engine(Arc::new(e))).map_err(CallError::of)
                 })?;
                 let Item::Engine(engine) = found else { return Err(CallError::Argument(engine)) };
-                Ok(Ready::Dose { engine, gantry_deg })
+                Ok(Ready::Dose { engine, angles: BeamAngles { gantry_deg, couch_deg } })
             }
             Call::Solve { goals, beams, start, tolerance } => {
                 let beams = self.doses(store, &beams)?;

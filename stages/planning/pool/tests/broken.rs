@@ -112,14 +112,18 @@ fn a_call_has_no_other_bytes_than_its_canonical_ones() {
     assert_eq!(Call::from_bytes(&longer), Err(WireError::NotCanonical("a call")));
     let behind = [&bytes[..], &[0]].concat();
     assert_eq!(Call::from_bytes(&behind), Err(WireError::Trailing(1)));
-    let other = [b"SPCALL01", &bytes[8..]].concat();
+    let other = [b"SPCALL02", &bytes[8..]].concat();
     assert_eq!(Call::from_bytes(&other), Err(WireError::Version("a call")));
     for bits in [0x7ff8_dead_beef_0001_u64, 0x8000_0000_0000_0000, 1] {
-        let dose = Call::Dose { engine: Hash::of(b"engine"), gantry_deg: f64::from_bits(bits) };
-        let Call::Dose { gantry_deg, .. } = Call::from_bytes(&dose.to_bytes()).unwrap() else {
+        let dose = Call::Dose {
+            engine: Hash::of(b"engine"),
+            gantry_deg: f64::from_bits(bits),
+            couch_deg: f64::from_bits(!bits),
+        };
+        let Call::Dose { gantry_deg, couch_deg, .. } = Call::from_bytes(&dose.to_bytes()).unwrap() else {
             unreachable!()
         };
-        assert_eq!(gantry_deg.to_bits(), bits);
+        assert_eq!((gantry_deg.to_bits(), couch_deg.to_bits()), (bits, !bits));
         assert!(dose.to_bytes().ends_with(&bits.to_le_bytes()));
     }
 }
@@ -127,7 +131,7 @@ fn a_call_has_no_other_bytes_than_its_canonical_ones() {
 #[test]
 fn a_length_beyond_its_bound_is_refused_before_anything_is_read() {
     let most = stillpoint_pool::MOST_BYTES;
-    let long = [b"SPCALL02".as_slice(), &vec![0xff; most]].concat();
+    let long = [b"SPCALL03".as_slice(), &vec![0xff; most]].concat();
     assert!(
         matches!(Call::from_bytes(&long), Err(WireError::Bound { found, .. }) if found == most as u64 + 8)
     );
@@ -203,7 +207,7 @@ proptest! {
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..16_u8) {
         let mut bytes = bytes;
         let _ = Message::from_bytes(&bytes);
-        let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL02", b"SPGOAL03", b"SPPLAN02", b"SPPRIC02"];
+        let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL03", b"SPGOAL03", b"SPPLAN02", b"SPPRIC02"];
         for magic in magics {
             let mut named = magic.to_vec();
             named.push(kind);

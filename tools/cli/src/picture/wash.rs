@@ -2,6 +2,7 @@
 
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Case;
+use stillpoint_plan::dose::BeamAngles;
 
 use super::canvas::{INK, LETTER, Picture};
 use super::slice::{Frame, Plane, marks, outlines, tissue};
@@ -26,8 +27,8 @@ pub struct Wash<'a> {
     pub gray: &'a [f32],
     /// Dose of the scale's upper end, gray.
     pub most_gy: f64,
-    /// Gantry angles, degrees.
-    pub beams_deg: &'a [f64],
+    /// Where the beams come from.
+    pub beams: &'a [BeamAngles],
 }
 
 /// A dose over the slice of a case in a plane through its isocentre, with a scale in gray, the outlines of structures
@@ -46,8 +47,8 @@ pub fn wash(case: &Case, plane: Plane, wash: &Wash<'_>) -> Picture {
         }
     }
     outlines(case, &frame, &mut picture);
-    for &angle in wash.beams_deg {
-        beam(case, &frame, angle, plane == Plane::Axial, &mut picture);
+    for angles in wash.beams {
+        beam(case, &frame, angles, plane == Plane::Axial, &mut picture);
     }
     marks(case, plane, &frame, &mut picture);
     scale(wash.most_gy, &mut picture);
@@ -71,11 +72,10 @@ fn colour(part: f64) -> [u8; 3] {
 }
 
 /// A dashed line along the axis of a beam from the edge of the slice to the isocentre.
-fn beam(case: &Case, frame: &Frame, gantry_deg: f64, labelled: bool, picture: &mut Picture) {
-    let (sin, cos) = libm::sincos(gantry_deg.to_radians());
-    // To the source: head first and supine, at 0 degrees in front of the patient, at 90 on his left.
+fn beam(case: &Case, frame: &Frame, angles: &BeamAngles, labelled: bool, picture: &mut Picture) {
     let signs = case.position().signs();
-    let to_source = [signs[0] * sin, -signs[1] * cos, 0.0];
+    let source = angles.source();
+    let to_source: [f64; 3] = std::array::from_fn(|axis| signs[axis] * source[axis]);
     let [dx, dy] = [frame.axes[0], frame.axes[1]].map(|axis| to_source[axis]);
     let length = libm::hypot(dx, dy);
     if length < SEEN {
@@ -99,7 +99,9 @@ fn beam(case: &Case, frame: &Frame, gantry_deg: f64, labelled: bool, picture: &m
     if labelled {
         let [x, y] = at((end - LABEL_INSET).max(0.0));
         // Beside the line, on the side where the angle grows.
-        let text = format!("{}\u{b0}", (10.0 * gantry_deg).round() / 10.0);
+        let tenths = |deg: f64| (10.0 * deg).round() / 10.0;
+        let shown = BeamAngles { gantry_deg: tenths(angles.gantry_deg), couch_deg: tenths(angles.couch_deg) };
+        let text = format!("{shown}\u{b0}");
         picture.text_around(&text, [x - 28.0 * dy, y + 16.0 * dx], size[0] as usize);
     }
 }

@@ -84,6 +84,14 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     let svg = std::fs::read_to_string(folder.join("delivered/head-from-ct-0001/delivered.svg")).unwrap();
     assert!(svg.contains("without gating") && svg.contains("CTV"));
 
+    // Of a beam with a couch angle there is no session.
+    let mut turned = plan.clone();
+    turned["leaves"]["beams"][1]["couch_deg"] = 30.0.into();
+    std::fs::create_dir(folder.join("turned")).unwrap();
+    std::fs::write(folder.join("turned/plan.json"), turned.to_string()).unwrap();
+    let why = refused(folder, &asked(held, "turned"));
+    assert!(why.contains("couch angle 30 degrees"), "{why}");
+
     let why = refused(folder, &asked(held, "pelvis"));
     assert!(why.contains("this plan is of the case"), "{why}");
     let why = refused(folder, &[&asked(held, "plan")[..], &["--poses", "rig.truth"]].concat());

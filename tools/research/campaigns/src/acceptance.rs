@@ -286,7 +286,7 @@ impl Planned {
         };
         let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
-            gantry_deg: self.ring.angle_deg(*beam),
+            angles: self.ring.angle_deg(*beam).into(),
             weights: self.best.weights_of(*beam).unwrap_or_default(),
             bixels_mm: None,
         };

@@ -2,11 +2,11 @@
 
 use std::num::NonZeroUsize;
 
+use super::directions::Directions;
 use super::evaluator::{Evaluated, Influence};
-use super::ring::Ring;
 use super::second::Displaced;
 use crate::dose::{
-    BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, DoseError, Origin,
+    BeamAngles, BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, DoseError, Origin,
 };
 use crate::threads::on_threads;
 use crate::{RowsRef, Setups};
@@ -26,34 +26,36 @@ impl RingDoses {
     pub fn load(
         cache: &DoseCache,
         engines: &[DoseEngine],
-        ring: Ring,
+        directions: impl Into<Directions>,
         beams: &[u16],
         threads: NonZeroUsize,
         on_beam: impl Fn() + Sync,
     ) -> Result<Self, CacheError> {
-        Self::by(engines, ring, beams, |engine, angles| cache.beams_with(engine, angles, threads, &on_beam))
+        Self::by(engines, &directions.into(), beams, |engine, angles| {
+            cache.beams_with(engine, angles, threads, &on_beam)
+        })
     }
 
     /// The doses of `beams`, computed in memory.
     pub fn compute(
         engines: &[DoseEngine],
-        ring: Ring,
+        directions: impl Into<Directions>,
         beams: &[u16],
         threads: NonZeroUsize,
     ) -> Result<Self, CacheError> {
-        Self::by(engines, ring, beams, |engine, angles| {
-            on_threads(angles, threads, |&deg| CachedBeam::computed(engine, deg))
+        Self::by(engines, &directions.into(), beams, |engine, angles| {
+            on_threads(angles, threads, |angles| CachedBeam::computed(engine, *angles))
         })
     }
 
     fn by(
         engines: &[DoseEngine],
-        ring: Ring,
+        directions: &Directions,
         beams: &[u16],
-        doses: impl Fn(&DoseEngine, &[f64]) -> Result<Vec<CachedBeam>, CacheError>,
+        doses: impl Fn(&DoseEngine, &[BeamAngles]) -> Result<Vec<CachedBeam>, CacheError>,
     ) -> Result<Self, CacheError> {
-        let angles: Vec<f64> = beams.iter().map(|beam| ring.angle_deg(*beam)).collect();
-        let mut all: Vec<Vec<CachedBeam>> = (0..ring.count()).map(|_| Vec::new()).collect();
+        let angles = directions.all(beams);
+        let mut all: Vec<Vec<CachedBeam>> = (0..directions.ring().count()).map(|_| Vec::new()).collect();
         for engine in engines {
             let found = doses(engine, &angles)?;
             for (beam, dose) in beams.iter().zip(found) {
@@ -102,7 +104,7 @@ impl RingDoses {
             let whole = on_threads(plan.beams.beams(), threads, |beam| {
                 let weights = plan.weights_of(*beam).unwrap_or_default();
                 let Some(dose) = self.setups(*beam).get(setup) else { return Ok(Vec::new()) };
-                engine.weighted_bixels(dose.beam.gantry_deg(), dose.beam.bixels_mm(), weights)
+                engine.weighted_bixels(dose.beam.angles(), dose.beam.bixels_mm(), weights)
             })?;
             let mut factors = self.dose(plan, setup);
             for (row, factor) in factors.iter_mut().enumerate() {

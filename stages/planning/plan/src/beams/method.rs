@@ -35,8 +35,8 @@ pub enum Method {
     Game(BeamGame),
     /// The set that the prior builds by itself, and no other: one solve.
     Prior,
-    /// These sets of angles (degrees), in their order, as far as the budget goes.
-    Sets(Vec<Vec<f64>>),
+    /// These sets of beams, in their order, as far as the budget goes.
+    Sets(Vec<BeamSet>),
 }
 
 /// What a method found.
@@ -176,12 +176,13 @@ fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]
 
 fn given<I: Influence + ?Sized>(
     evaluator: &mut Evaluator<'_, I>,
-    sets: &[Vec<f64>],
+    sets: &[BeamSet],
 ) -> Result<(), ChoiceError> {
-    let (ring, beams) = (evaluator.ring(), evaluator.beams());
-    let sets: Vec<BeamSet> =
-        sets.iter().map(|angles| nearest_set(ring, beams, angles)).collect::<Result<_, _>>()?;
-    let solved = evaluator.evaluate_all(&sets, None)?;
+    let expected = evaluator.beams();
+    if let Some(found) = sets.iter().map(|set| set.beams().len()).find(|found| *found != expected) {
+        return Err(ChoiceError::Count { found, expected });
+    }
+    let solved = evaluator.evaluate_all(sets, None)?;
     if solved.len() < sets.len() { Err(Stop::Spent.into()) } else { Ok(()) }
 }
 

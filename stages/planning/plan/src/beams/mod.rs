@@ -25,6 +25,7 @@
 //! ```
 //!
 //! - `ring`: angles, distances, legal sets
+//! - `directions`: the angles of gantry and couch behind the numbers of beams
 //! - `doses`: their dose matrices, from the cache
 //! - `evaluator`: what a set costs: solved once, cached, counted
 //! - `ahead`: sets that are under way while a search goes on
@@ -38,6 +39,7 @@
 mod ahead;
 mod annealing;
 mod columns;
+mod directions;
 mod doses;
 mod evaluator;
 mod exchange;
@@ -52,6 +54,7 @@ pub mod search;
 mod second;
 mod solver;
 
+pub use directions::Directions;
 pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Memo, Progress, Stop};
 pub use geometry::Geometry;

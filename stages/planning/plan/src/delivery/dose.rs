@@ -68,7 +68,7 @@ mod tests {
         let bixels_mm = ready.engine.beam(gantry_deg).unwrap().bixels_mm;
         let weight = |[x, z]: &[f64; 2]| 3.0 + 0.03 * x + 0.02 * z;
         let weights = bixels_mm.iter().map(weight).collect();
-        BeamFluence { gantry_deg, bixels_mm, weights }
+        BeamFluence { angles: gantry_deg.into(), bixels_mm, weights }
     }
 
     fn delivered(ready: &Ready, beams: &[BeamFluence], bins: &[Bin]) -> Vec<f32> {
@@ -125,7 +125,9 @@ mod tests {
         let ready = ready();
         let beam = fluence(&ready, 50.0);
         let turned = Bin { turn_rad: [0.0, 0.0, 30.0_f64.to_radians()], ..STILL };
-        let dose = |gantry_deg, bin| delivered(&ready, &[BeamFluence { gantry_deg, ..beam.clone() }], &[bin]);
+        let dose = |gantry_deg, bin| {
+            delivered(&ready, &[BeamFluence { angles: f64::into(gantry_deg), ..beam.clone() }], &[bin])
+        };
         let found = dose(50.0, turned);
         let [worst, rms] = difference(&found, &dose(20.0, STILL));
         let [_, other_way] = difference(&found, &dose(80.0, STILL));

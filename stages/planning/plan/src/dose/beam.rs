@@ -4,6 +4,7 @@
 //! Med. Phys. 20 (1993) 311, (8)-(10)), with the depth dose at the voxel's radiological depth, the lateral dose at its
 //! distance from the bixel's axis as seen on the isocentre plane, and `r` its distance from the source.
 
+use super::angles::BeamAngles;
 use super::depth::{LitVoxel, depths_mm, skin_distance_mm};
 use super::engine::{DoseEngine, Fluence};
 use super::error::DoseError;
@@ -17,8 +18,8 @@ use stillpoint_patient::couch::Motion;
 /// The bixels of a beam and what they give.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamInfluence {
-    /// Gantry angle, degrees.
-    pub gantry_deg: f64,
+    /// Where it comes from.
+    pub angles: BeamAngles,
     /// Centres of the bixels on the isocentre plane, x and z in the beam's frame, mm.
     pub bixels_mm: Vec<[f64; 2]>,
     /// Dose by voxel of the dose grid and bixel, gray per unit weight. All entries are positive.
@@ -28,22 +29,22 @@ pub struct BeamInfluence {
 /// The same with the dose by rows.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BeamRows {
-    pub gantry_deg: f64,
+    pub angles: BeamAngles,
     pub bixels_mm: Vec<[f64; 2]>,
     pub dose: Rows,
 }
 
 impl BeamRows {
     pub fn of(beam: BeamInfluence) -> Result<Self, DoseError> {
-        let BeamInfluence { gantry_deg, bixels_mm, dose } = beam;
-        let dose = Rows::from_columns(dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
-        Ok(Self { gantry_deg, bixels_mm, dose })
+        let BeamInfluence { angles, bixels_mm, dose } = beam;
+        let dose = Rows::from_columns(dose.view()).map_err(|fault| DoseError::Rows { angles, fault })?;
+        Ok(Self { angles, bixels_mm, dose })
     }
 
     pub fn by_columns(self) -> Result<BeamInfluence, DoseError> {
-        let Self { gantry_deg, bixels_mm, dose } = self;
-        let dose = dose.to_columns().map_err(|fault| DoseError::Matrix { gantry_deg, fault })?;
-        Ok(BeamInfluence { gantry_deg, bixels_mm, dose })
+        let Self { angles, bixels_mm, dose } = self;
+        let dose = dose.to_columns().map_err(|fault| DoseError::Matrix { angles, fault })?;
+        Ok(BeamInfluence { angles, bixels_mm, dose })
     }
 }
 
@@ -63,26 +64,29 @@ pub(super) struct Aim {
 }
 
 impl Aim {
-    pub fn new(engine: &DoseEngine, gantry_deg: f64) -> Result<Self, DoseError> {
-        Self::at(engine, gantry_deg, None)
+    pub fn new(engine: &DoseEngine, angles: BeamAngles) -> Result<Self, DoseError> {
+        Self::at(engine, angles, None)
     }
 
     /// At a patient who moved, if he did.
-    pub fn at(engine: &DoseEngine, gantry_deg: f64, motion: Option<&Motion>) -> Result<Self, DoseError> {
+    pub fn at(engine: &DoseEngine, angles: BeamAngles, motion: Option<&Motion>) -> Result<Self, DoseError> {
         let (params, machine) = (&engine.params, &engine.machine);
         let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
-        let bixels_mm = engine.bixels_mm(gantry_deg)?;
+        let bixels_mm = engine.bixels_mm(angles)?;
         if bixels_mm.is_empty() {
-            return Err(DoseError::NoBixel { gantry_deg });
+            return Err(DoseError::NoBixel { angles });
         }
         if bixels_mm.len() > MOST_BIXELS {
-            return Err(DoseError::Bixels { gantry_deg, found: bixels_mm.len(), most: MOST_BIXELS });
+            return Err(DoseError::Bixels { angles, found: bixels_mm.len(), most: MOST_BIXELS });
         }
         // In the frame of a patient who is moved, the isocentre goes the other way.
         let isocentre_mm = std::array::from_fn(|axis| engine.isocentre_mm[axis] - engine.shift_mm[axis]);
-        let mut frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
+        let mut frame = BeamFrame::new(angles, engine.position, isocentre_mm, sad_mm);
         if let Some(motion) = motion {
             frame = frame.of_moved(motion);
+        }
+        // Where the couch is turned, the source goes round the patient along his length, too.
+        if motion.is_some() || !angles.is_coplanar() {
             engine.check_clearance(&frame)?;
         }
         let central =
@@ -134,8 +138,8 @@ impl Aim {
     }
 }
 
-pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
-    let aim = Aim::new(engine, gantry_deg)?;
+pub(super) fn influence(engine: &DoseEngine, angles: BeamAngles) -> Result<BeamInfluence, DoseError> {
+    let aim = Aim::new(engine, angles)?;
     let voxels = Voxels::near(engine, &aim.frame, &aim.bixels_mm);
     let depth_dose = &voxels.depth_dose;
     let mut starts = Vec::with_capacity(aim.bixels_mm.len() + 1);
@@ -166,9 +170,9 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
         }
         starts.push(row.len() as u64);
     }
-    let dose = Csc::new(engine.rows(), starts, row, value)
-        .map_err(|fault| DoseError::Matrix { gantry_deg, fault })?;
-    Ok(BeamInfluence { gantry_deg, bixels_mm: aim.bixels_mm, dose })
+    let dose =
+        Csc::new(engine.rows(), starts, row, value).map_err(|fault| DoseError::Matrix { angles, fault })?;
+    Ok(BeamInfluence { angles, bixels_mm: aim.bixels_mm, dose })
 }
 
 /// Dose of the components in voxels at their depths, with the inverse square of the distance from the source.
@@ -303,8 +307,8 @@ mod tests {
     }
 
     /// Whether a ray comes into the patient, by a walk along it in small steps.
-    fn meets(case: &Case, gantry_deg: f64, [x, z]: [f64; 2]) -> bool {
-        let frame = BeamFrame::new(gantry_deg, case.position(), case.isocentre_mm(), 1000.0);
+    fn meets(case: &Case, angles: BeamAngles, [x, z]: [f64; 2]) -> bool {
+        let frame = BeamFrame::new(angles, case.position(), case.isocentre_mm(), 1000.0);
         let grid = case.grid();
         (0..3000).any(|step| {
             let y = 700.0 + 0.2 * f64::from(step);
@@ -323,14 +327,14 @@ mod tests {
         let [held, flash] = [0.0, -10.0].map(|inside_mm| engine(&case, inside_mm));
         let all = without_outline(&case, &held);
         let mut left_out = 0;
-        for gantry_deg in [0.0, 72.0, 144.0, 216.0, 288.0] {
-            let of = |engine: &DoseEngine| Aim::new(engine, gantry_deg).unwrap().bixels_mm;
+        for angles in [0.0, 72.0, 144.0, 216.0, 288.0] {
+            let of = |engine: &DoseEngine| Aim::new(engine, angles.into()).unwrap().bixels_mm;
             let (held, flash, all) = (of(&held), of(&flash), of(&all));
-            assert!(held.iter().all(|bixel| meets(&case, gantry_deg, *bixel)), "{gantry_deg}");
+            assert!(held.iter().all(|bixel| meets(&case, angles.into(), *bixel)), "{angles}");
             assert!(held.iter().all(|bixel| flash.contains(bixel)) && flash.len() >= held.len());
             assert!(flash.iter().all(|bixel| all.contains(bixel)));
             left_out += all.len() - held.len();
-            if gantry_deg == 0.0 {
+            if angles == 0.0 {
                 // It carried 174 times the median weight of its beam.
                 assert!(all.contains(&[70.0, 0.0]) && !held.contains(&[70.0, 0.0]));
             }
@@ -343,7 +347,7 @@ mod tests {
         let case = neck(0).unwrap();
         let real = engine(&case, 0.0);
         let beam = real.beam(72.0).unwrap();
-        let aim = Aim::new(&real, 72.0).unwrap();
+        let aim = Aim::new(&real, 72.0.into()).unwrap();
         let whole = without_outline(&case, &real).beam(72.0).unwrap();
         let (mut inside, mut edge) = (0, 0);
         for (at, bixel) in beam.bixels_mm.iter().enumerate() {
@@ -371,7 +375,8 @@ mod tests {
         let sum = |engine: &DoseEngine, x: f64| {
             engine.weighted_bixels(0.0, &[[x, 0.0]], &[1.0]).unwrap().iter().sum::<f32>()
         };
-        let edge = (0..30).map(|step| 5.0 * f64::from(step)).find(|x| !meets(&case, 0.0, [*x, 0.0])).unwrap();
+        let edge =
+            (0..30).map(|step| 5.0 * f64::from(step)).find(|x| !meets(&case, 0.0.into(), [*x, 0.0])).unwrap();
         assert_eq!(sum(&engine, edge + 5.0), 0.0);
         assert!(sum(&engine.shifted([20.0, 0.0, 0.0]).unwrap(), edge + 5.0) > 0.0);
     }

@@ -1,5 +1,6 @@
 //! Doses kept on disk, so that the same beam is computed once.
 
+use super::angles::BeamAngles;
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
@@ -75,44 +76,52 @@ impl DoseCache {
     }
 
     /// The dose of one beam: from the folder, or computed and put there.
-    pub fn beam(&self, engine: &DoseEngine, gantry_deg: f64) -> Result<CachedBeam, CacheError> {
-        self.beam_of(engine, &engine_key(engine), gantry_deg)
+    pub fn beam(&self, engine: &DoseEngine, angles: impl Into<BeamAngles>) -> Result<CachedBeam, CacheError> {
+        self.beam_of(engine, &engine_key(engine), angles.into())
     }
 
     /// The doses of several beams, those that are not there computed on several threads.
     pub fn beams(
         &self,
         engine: &DoseEngine,
-        gantry_deg: &[f64],
+        angles: &[impl Into<BeamAngles> + Copy + Sync],
         threads: NonZeroUsize,
     ) -> Result<Vec<CachedBeam>, CacheError> {
-        self.beams_with(engine, gantry_deg, threads, || ())
+        self.beams_with(engine, angles, threads, || ())
     }
 
     /// The same; `on_beam` hears of each that is there.
     pub fn beams_with(
         &self,
         engine: &DoseEngine,
-        gantry_deg: &[f64],
+        angles: &[impl Into<BeamAngles> + Copy + Sync],
         threads: NonZeroUsize,
         on_beam: impl Fn() + Sync,
     ) -> Result<Vec<CachedBeam>, CacheError> {
         let key = engine_key(engine);
-        on_threads(gantry_deg, threads, |&deg| self.beam_of(engine, &key, deg).inspect(|_| on_beam()))
+        on_threads(angles, threads, |&angles| {
+            self.beam_of(engine, &key, angles.into()).inspect(|_| on_beam())
+        })
     }
 
     /// Those of these angles whose doses the folder does not hold.
-    pub fn missing(&self, engine: &DoseEngine, gantry_deg: &[f64]) -> Vec<f64> {
+    pub fn missing(&self, engine: &DoseEngine, angles: &[impl Into<BeamAngles> + Copy]) -> Vec<BeamAngles> {
         let key = engine_key(engine);
-        gantry_deg.iter().copied().filter(|deg| !self.place(&key, *deg).1.exists()).collect()
+        let angles = angles.iter().map(|angles| (*angles).into());
+        angles.filter(|angles| !self.place(&key, *angles).1.exists()).collect()
     }
 
     /// Puts a dose into the folder that was computed elsewhere: the bytes of [`DoseEngine::beam_file`].
     ///
     /// # Errors
     /// The file cannot be written, or it is not the dose of this engine and angle.
-    pub fn put(&self, engine: &DoseEngine, gantry_deg: f64, bytes: &[u8]) -> Result<(), CacheError> {
-        let (key, path) = self.place(&engine_key(engine), gantry_deg);
+    pub fn put(
+        &self,
+        engine: &DoseEngine,
+        angles: impl Into<BeamAngles>,
+        bytes: &[u8],
+    ) -> Result<(), CacheError> {
+        let (key, path) = self.place(&engine_key(engine), angles.into());
         stillpoint_map::publish_derived(&path, |file| std::io::Write::write_all(file, bytes))
             .map_err(|source| CacheError::Write { path: path.clone(), source })?;
         match BeamFile::open(&path, &key) {
@@ -126,12 +135,12 @@ impl DoseCache {
     }
 
     /// The file of a dose, whether it is there or not. Who removes it has the dose computed again when it is needed.
-    pub fn file(&self, engine: &DoseEngine, gantry_deg: f64) -> PathBuf {
-        self.place(&engine_key(engine), gantry_deg).1
+    pub fn file(&self, engine: &DoseEngine, angles: impl Into<BeamAngles>) -> PathBuf {
+        self.place(&engine_key(engine), angles.into()).1
     }
 
-    fn place(&self, engine_key: &Key, gantry_deg: f64) -> (Key, PathBuf) {
-        let key = beam_key(engine_key, gantry_deg);
+    fn place(&self, engine_key: &Key, angles: BeamAngles) -> (Key, PathBuf) {
+        let key = beam_key(engine_key, angles);
         let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
         (key, self.folder.join(name + ".dose"))
     }
@@ -140,15 +149,15 @@ impl DoseCache {
         &self,
         engine: &DoseEngine,
         engine_key: &Key,
-        gantry_deg: f64,
+        angles: BeamAngles,
     ) -> Result<CachedBeam, CacheError> {
-        let (key, path) = self.place(engine_key, gantry_deg);
+        let (key, path) = self.place(engine_key, angles);
         let origin = match BeamFile::open(&path, &key) {
             Ok(beam) => return Ok(CachedBeam { beam, origin: Origin::Found }),
             Err(BeamFileError::File(fault)) if fault.kind() == ErrorKind::NotFound => Origin::Computed,
             Err(fault) => Origin::Replaced(fault),
         };
-        match file::write(&path, &key, &engine.beam_rows(gantry_deg)?) {
+        match file::write(&path, &key, &engine.beam_rows(angles)?) {
             Ok(()) => {}
             Err(source) => return Err(CacheError::Write { path, source }),
         }
@@ -164,9 +173,10 @@ impl CachedBeam {
     ///
     /// # Errors
     /// The dose cannot be computed.
-    pub fn computed(engine: &DoseEngine, gantry_deg: f64) -> Result<Self, CacheError> {
-        let bytes = engine.beam_file(gantry_deg)?;
-        let beam = engine.beam_of(gantry_deg, &bytes).map_err(CacheError::Memory)?;
+    pub fn computed(engine: &DoseEngine, angles: impl Into<BeamAngles>) -> Result<Self, CacheError> {
+        let angles = angles.into();
+        let bytes = engine.beam_file(angles)?;
+        let beam = engine.beam_of(angles, &bytes).map_err(CacheError::Memory)?;
         Ok(Self { beam, origin: Origin::Computed })
     }
 }
@@ -176,18 +186,20 @@ impl DoseEngine {
     ///
     /// # Errors
     /// The dose cannot be computed.
-    pub fn beam_file(&self, gantry_deg: f64) -> Result<Vec<u8>, DoseError> {
-        let beam = self.beam_rows(gantry_deg)?;
-        Ok(file::bytes(&beam_key(&engine_key(self), gantry_deg), &beam))
+    pub fn beam_file(&self, angles: impl Into<BeamAngles>) -> Result<Vec<u8>, DoseError> {
+        let angles = angles.into();
+        let beam = self.beam_rows(angles)?;
+        Ok(file::bytes(&beam_key(&engine_key(self), angles), &beam))
     }
 
     /// The dose of one beam in such a file that was computed here or elsewhere. The bytes are checked and copied.
     ///
     /// # Errors
     /// The bytes are not the dose of this engine and angle.
-    pub fn beam_of(&self, gantry_deg: f64, bytes: &[u8]) -> Result<BeamFile, BeamFileError> {
-        let beam = BeamFile::of_bytes(bytes, &beam_key(&engine_key(self), gantry_deg))?;
-        if beam.gantry_deg().to_bits() == gantry_deg.to_bits() { Ok(beam) } else { Err(BeamFileError::Place) }
+    pub fn beam_of(&self, angles: impl Into<BeamAngles>, bytes: &[u8]) -> Result<BeamFile, BeamFileError> {
+        let angles = angles.into();
+        let beam = BeamFile::of_bytes(bytes, &beam_key(&engine_key(self), angles))?;
+        if file::same_bits(beam.angles(), angles) { Ok(beam) } else { Err(BeamFileError::Place) }
     }
 }
 
@@ -245,9 +257,13 @@ fn engine_key(engine: &DoseEngine) -> Key {
     hash.finalize().into()
 }
 
-fn beam_key(engine_key: &Key, gantry_deg: f64) -> Key {
+fn beam_key(engine_key: &Key, angles: BeamAngles) -> Key {
     let mut hash = Sha256::new();
     hash.update(engine_key);
-    hash.update(gantry_deg.to_bits().to_le_bytes());
+    hash.update(angles.gantry_deg.to_bits().to_le_bytes());
+    // The doses of beams without a couch angle keep the names that they had before there was one.
+    if !angles.is_coplanar() {
+        hash.update(angles.couch_deg.to_bits().to_le_bytes());
+    }
     hash.finalize().into()
 }

@@ -5,6 +5,7 @@
 //! little: the same model as [`DoseEngine::beam`], at the price of one bixel for all. Pencils at the edge of the patient have
 //! depth doses of their own ([`super::outline`]), so each of them is added by itself.
 
+use super::angles::BeamAngles;
 use super::beam::{Aim, BixelAxis, OBLIQUE, Voxels, depth_doses};
 use super::depth::LitVoxel;
 use super::engine::DoseEngine;
@@ -17,24 +18,30 @@ use stillpoint_patient::couch::Motion;
 
 impl DoseEngine {
     /// Dose of a beam to the voxels of the dose grid, gray, by the weights of its bixels in the order of
-    /// [`super::BeamInfluence::bixels_mm`]. The gantry angle is that of IEC 61217, in degrees.
+    /// [`super::BeamInfluence::bixels_mm`]. A number is a gantry angle.
     ///
     /// Errors: an angle out of range, or weights that are not as many as the bixels.
-    pub fn weighted_beam(&self, gantry_deg: f64, weights: &[f64]) -> Result<Vec<f32>, DoseError> {
-        self.dose_of(Aim::new(self, self.checked_angle(gantry_deg)?)?, gantry_deg, weights)
+    pub fn weighted_beam(
+        &self,
+        angles: impl Into<BeamAngles>,
+        weights: &[f64],
+    ) -> Result<Vec<f32>, DoseError> {
+        let angles = self.checked_angles(angles)?;
+        self.dose_of(Aim::new(self, angles)?, angles, weights)
     }
 
     /// Dose of a beam like that of [`DoseEngine::weighted_beam`], of bixels with these centres (x and z on the isocentre
     /// plane, mm) instead of those that the target needs.
     pub fn weighted_bixels(
         &self,
-        gantry_deg: f64,
+        angles: impl Into<BeamAngles>,
         bixels_mm: &[[f64; 2]],
         weights: &[f64],
     ) -> Result<Vec<f32>, DoseError> {
-        let mut aim = Aim::new(self, self.checked_angle(gantry_deg)?)?;
+        let angles = self.checked_angles(angles)?;
+        let mut aim = Aim::new(self, angles)?;
         aim.bixels_mm = bixels_mm.to_vec();
-        self.dose_of(aim, gantry_deg, weights)
+        self.dose_of(aim, angles, weights)
     }
 
     /// Dose of a beam like that of [`DoseEngine::weighted_bixels`] to a patient who moved like this in his frame. The beam
@@ -43,20 +50,21 @@ impl DoseEngine {
     /// Errors: also a motion that takes the dose grid to within 100 mm of the source.
     pub fn moved_bixels(
         &self,
-        gantry_deg: f64,
+        angles: impl Into<BeamAngles>,
         bixels_mm: &[[f64; 2]],
         weights: &[f64],
         motion: &Motion,
     ) -> Result<Vec<f32>, DoseError> {
-        let mut aim = Aim::at(self, self.checked_angle(gantry_deg)?, Some(motion))?;
+        let angles = self.checked_angles(angles)?;
+        let mut aim = Aim::at(self, angles, Some(motion))?;
         aim.bixels_mm = bixels_mm.to_vec();
-        self.dose_of(aim, gantry_deg, weights)
+        self.dose_of(aim, angles, weights)
     }
 
-    fn dose_of(&self, aim: Aim, gantry_deg: f64, weights: &[f64]) -> Result<Vec<f32>, DoseError> {
+    fn dose_of(&self, aim: Aim, angles: BeamAngles, weights: &[f64]) -> Result<Vec<f32>, DoseError> {
         let (found, expected) = (weights.len(), aim.bixels_mm.len());
         if found != expected {
-            return Err(DoseError::Weights { gantry_deg, expected, found });
+            return Err(DoseError::Weights { angles, expected, found });
         }
         if let Some(section) = self.superposition()? {
             let of = |(bixel_mm, weight): (&[f64; 2], &f64)| {

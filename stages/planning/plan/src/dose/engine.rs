@@ -1,5 +1,6 @@
 //! The engine: a patient, a machine and params, made ready to give the dose of any beam.
 
+use super::angles::BeamAngles;
 use super::beam::{self, BeamInfluence, BeamRows};
 use super::bixels::{self, BixelSpec};
 use super::density;
@@ -220,21 +221,21 @@ impl DoseEngine {
         &self.machine
     }
 
-    /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).
-    pub fn beam(&self, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
-        let gantry_deg = self.checked_angle(gantry_deg)?;
+    /// Dose of the bixels of one beam at these angles; a number is a gantry angle.
+    pub fn beam(&self, angles: impl Into<BeamAngles>) -> Result<BeamInfluence, DoseError> {
+        let angles = self.checked_angles(angles)?;
         match self.superposition()? {
-            None => beam::influence(self, gantry_deg),
-            Some(section) => superposition::influence(self, gantry_deg, section)?.by_columns(),
+            None => beam::influence(self, angles),
+            Some(section) => superposition::influence(self, angles, section)?.by_columns(),
         }
     }
 
     /// The same by rows, as doses are kept.
-    pub(super) fn beam_rows(&self, gantry_deg: f64) -> Result<BeamRows, DoseError> {
-        let gantry_deg = self.checked_angle(gantry_deg)?;
+    pub(super) fn beam_rows(&self, angles: BeamAngles) -> Result<BeamRows, DoseError> {
+        let angles = self.checked_angles(angles)?;
         match self.superposition()? {
-            None => BeamRows::of(beam::influence(self, gantry_deg)?),
-            Some(section) => superposition::influence(self, gantry_deg, section),
+            None => BeamRows::of(beam::influence(self, angles)?),
+            Some(section) => superposition::influence(self, angles, section),
         }
     }
 
@@ -248,17 +249,20 @@ impl DoseEngine {
         }
     }
 
-    pub(super) fn checked_angle(&self, gantry_deg: f64) -> Result<f64, DoseError> {
-        in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
+    pub(super) fn checked_angles(&self, angles: impl Into<BeamAngles>) -> Result<BeamAngles, DoseError> {
+        let angles = angles.into();
+        in_range("gantry angle", angles.gantry_deg, 0.0..=360.0)?;
+        in_range("couch angle", angles.couch_deg, -180.0..=180.0)?;
+        Ok(angles)
     }
 
     /// Centres of the bixels of a beam, on the isocentre plane, mm. No dose is computed.
     ///
     /// # Errors
     /// An angle out of range.
-    pub fn bixels_mm(&self, gantry_deg: f64) -> Result<Vec<[f64; 2]>, DoseError> {
-        let gantry_deg = self.checked_angle(gantry_deg)?;
-        let frame = BeamFrame::new(gantry_deg, self.position, self.isocentre_mm, self.machine.file().sad_mm);
+    pub fn bixels_mm(&self, angles: impl Into<BeamAngles>) -> Result<Vec<[f64; 2]>, DoseError> {
+        let angles = self.checked_angles(angles)?;
+        let frame = BeamFrame::new(angles, self.position, self.isocentre_mm, self.machine.file().sad_mm);
         let spec = &self.params.bixels;
         Ok(bixels::positions(&frame, &self.target_mm, spec, self.image_spacing_mm, &self.outline))
     }
@@ -267,10 +271,14 @@ impl DoseEngine {
     ///
     /// # Errors
     /// An angle out of range.
-    pub fn parts_outside(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<Vec<f64>, DoseError> {
+    pub fn parts_outside(
+        &self,
+        angles: impl Into<BeamAngles>,
+        bixels_mm: &[[f64; 2]],
+    ) -> Result<Vec<f64>, DoseError> {
         let sad_mm = self.machine.file().sad_mm;
         let isocentre_mm = std::array::from_fn(|axis| self.isocentre_mm[axis] - self.shift_mm[axis]);
-        let frame = BeamFrame::new(self.checked_angle(gantry_deg)?, self.position, isocentre_mm, sad_mm);
+        let frame = BeamFrame::new(self.checked_angles(angles)?, self.position, isocentre_mm, sad_mm);
         let width_mm = self.params.bixels.width_mm;
         Ok(bixels_mm.iter().map(|bixel| self.outline.part_outside(&frame, *bixel, width_mm)).collect())
     }
@@ -289,8 +297,12 @@ impl DoseEngine {
     }
 
     /// Dose of several beams, on several threads. Any number of threads gives the same bytes.
-    pub fn beams(&self, gantry_deg: &[f64], threads: NonZeroUsize) -> Result<Vec<BeamInfluence>, DoseError> {
-        on_threads(gantry_deg, threads, |&deg| self.beam(deg))
+    pub fn beams(
+        &self,
+        angles: &[impl Into<BeamAngles> + Copy + Sync],
+        threads: NonZeroUsize,
+    ) -> Result<Vec<BeamInfluence>, DoseError> {
+        on_threads(angles, threads, |angles| self.beam(*angles))
     }
 }
 

@@ -1,5 +1,6 @@
 //! What can be wrong with what the engine is given.
 
+use super::angles::BeamAngles;
 use crate::{CscError, RowsError};
 use thiserror::Error;
 
@@ -80,50 +81,48 @@ pub enum DoseError {
     NoPatient,
     /// No ray of a beam crosses both the target and the patient.
     #[error(
-        "no bixel of the beam at {gantry_deg} degrees meets the patient: the target is outside of the outline, or at its \
+        "no bixel of the beam at {angles} degrees meets the patient: the target is outside of the outline, or at its \
          edge; check the outline and the target, or allow bixels that miss the patient with `--flash`"
     )]
     NoBixel {
-        /// Gantry angle.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
     },
     /// A beam has too many bixels.
-    #[error("the beam at {gantry_deg} degrees has {found} bixels; it may have {most}: take wider ones")]
+    #[error("the beam at {angles} degrees has {found} bixels; it may have {most}: take wider ones")]
     Bixels {
-        /// Gantry angle.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
         /// Its bixels.
         found: usize,
         /// The most that there may be.
         most: usize,
     },
     /// Weights do not belong to the bixels of a beam.
-    #[error("{found} weights are given for the {expected} bixels of the beam at {gantry_deg} degrees")]
+    #[error("{found} weights are given for the {expected} bixels of the beam at {angles} degrees")]
     Weights {
-        /// Gantry angle.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
         /// Bixels of the beam.
         expected: usize,
         /// Weights given.
         found: usize,
     },
     /// What was computed is no matrix.
-    #[error(
-        "the dose of the beam at {gantry_deg} degrees is not a matrix: {fault}; check the machine's kernels"
-    )]
+    #[error("the dose of the beam at {angles} degrees is not a matrix: {fault}; check the machine's kernels")]
     Matrix {
-        /// Gantry angle.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
         /// What is wrong with it.
         fault: CscError,
     },
     /// What was computed is too large to be kept.
     #[error(
-        "the dose of the beam at {gantry_deg} degrees cannot be stored: {fault}; take wider bixels or a coarser grid"
+        "the dose of the beam at {angles} degrees cannot be stored: {fault}; take wider bixels or a coarser grid"
     )]
     Rows {
-        /// Gantry angle.
-        gantry_deg: f64,
+        /// Where the beam comes from.
+        angles: BeamAngles,
         /// What is wrong with it.
         fault: RowsError,
     },

@@ -2,17 +2,19 @@
 //!
 //! | bytes | what, all little endian |
 //! | --- | --- |
-//! | 0..8 | `SPDOSE02` |
+//! | 0..8 | `SPDOSE02`; `SPDOSE03` where the couch is turned |
 //! | 8..40 | the key: SHA-256 of all that the dose depends on |
 //! | 40..44 | CRC-32 of the bytes from 48 on |
 //! | 44..48 | 0 |
 //! | 48..56 | gantry angle, degrees, f64 |
 //! | 56..80 | rows, columns, entries, u64 each |
+//! | 80..88 | of `SPDOSE03` alone: couch angle, degrees, f64 |
 //! | columns | bixel centres, two f64 each |
 //! | rows + 1 | row starts, u32 |
 //! | entries | values, f32 |
 //! | entries | columns, u16 |
 
+use super::angles::BeamAngles;
 use super::beam::BeamRows;
 use crate::{RowsError, RowsRef};
 use sha2::{Digest, Sha256};
@@ -24,6 +26,8 @@ use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 const MAGIC: &[u8; 8] = b"SPDOSE02";
+/// Of a beam with a couch angle, which follows the header.
+const MAGIC_WITH_COUCH: &[u8; 8] = b"SPDOSE03";
 const HEADER: usize = 80;
 const _: () =
     assert!(cfg!(target_endian = "little"), "dose files are mapped as they are, in little-endian order");
@@ -38,7 +42,7 @@ pub enum BeamFileError {
     #[error("{0}")]
     File(#[from] io::Error),
     /// It is another kind of file.
-    #[error("it is not a dose file of version 2")]
+    #[error("it is not a dose file of version 2 or 3")]
     Magic,
     /// It belongs to other inputs.
     #[error("it is the dose of another patient, machine or beam")]
@@ -63,8 +67,8 @@ pub enum BeamFileError {
         /// Of the bytes that were written.
         stored: u32,
     },
-    /// A bixel or the angle is not finite.
-    #[error("a bixel's place or the gantry angle is not a number")]
+    /// A bixel or an angle is not finite, or the beam is another one.
+    #[error("a bixel's place or an angle of the beam is not a number")]
     Place,
     /// Its entries are no matrix.
     #[error("{0}")]
@@ -133,22 +137,18 @@ impl BeamFile {
         Self::checked(Held::Mapped(file), &key)
     }
 
-    /// Whether bytes that lie anywhere in memory begin as such a file of this angle and have its checksum. It does not look
+    /// Whether bytes that lie anywhere in memory begin as such a file of these angles and have its checksum. It does not look
     /// at the key or at the matrix.
     ///
     /// # Errors
     /// What is wrong with them.
-    pub fn check_bytes(bytes: &[u8], gantry_deg: f64) -> Result<(), BeamFileError> {
-        let header: &[u8; HEADER] = bytes.first_chunk().ok_or(BeamFileError::Magic)?;
-        let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| header[at + i]));
-        if header[..8] != *MAGIC {
-            return Err(BeamFileError::Magic);
-        }
-        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(40));
+    pub fn check_bytes(bytes: &[u8], angles: impl Into<BeamAngles>) -> Result<(), BeamFileError> {
+        let (header, found_angles) = opened(bytes)?;
+        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(header, 40));
         if u64::from(found) != stored {
             return Err(BeamFileError::Checksum { found, stored: stored as u32 });
         }
-        if word(48) == gantry_deg.to_bits() { Ok(()) } else { Err(BeamFileError::Place) }
+        if same_bits(found_angles, angles.into()) { Ok(()) } else { Err(BeamFileError::Place) }
     }
 
     /// The file.
@@ -156,9 +156,9 @@ impl BeamFile {
         self.file.bytes()
     }
 
-    /// Gantry angle, degrees.
-    pub fn gantry_deg(&self) -> f64 {
-        self.layout.gantry_deg
+    /// Where the beam comes from.
+    pub fn angles(&self) -> BeamAngles {
+        self.layout.angles
     }
 
     /// Centres of the bixels on the isocentre plane, x and z in the beam's frame, mm.
@@ -194,10 +194,38 @@ impl BeamFile {
     }
 }
 
+/// The header of a file and the angles in it.
+fn opened(bytes: &[u8]) -> Result<(&[u8], BeamAngles), BeamFileError> {
+    let has_couch = bytes.starts_with(MAGIC_WITH_COUCH);
+    let length = if has_couch { HEADER + size_of::<f64>() } else { HEADER };
+    let header = bytes.get(..length).ok_or(BeamFileError::Magic)?;
+    if !has_couch && !header.starts_with(MAGIC) {
+        return Err(BeamFileError::Magic);
+    }
+    let couch_deg = if has_couch { f64::from_bits(word(header, HEADER)) } else { 0.0 };
+    // A couch at 0 degrees has one way to be written.
+    if has_couch && couch_deg == 0.0 {
+        return Err(BeamFileError::Place);
+    }
+    Ok((header, BeamAngles { gantry_deg: f64::from_bits(word(header, 48)), couch_deg }))
+}
+
+/// The word of a header that begins at this byte.
+fn word(header: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(std::array::from_fn(|i| header[at + i]))
+}
+
+/// Whether both are the same bits.
+pub(super) fn same_bits(a: BeamAngles, b: BeamAngles) -> bool {
+    let bits = |angles: BeamAngles| [angles.gantry_deg, angles.couch_deg].map(f64::to_bits);
+    // A couch at -0 degrees is one at 0.
+    bits(a) == bits(b) || (a.is_coplanar() && b.is_coplanar() && bits(a)[0] == bits(b)[0])
+}
+
 /// Where the parts of a file are.
 #[derive(Clone, Debug)]
 struct Layout {
-    gantry_deg: f64,
+    angles: BeamAngles,
     bixels: Range<usize>,
     starts: Range<usize>,
     value: Range<usize>,
@@ -206,17 +234,13 @@ struct Layout {
 
 impl Layout {
     fn of(bytes: &[u8], key: &Key) -> Result<Self, BeamFileError> {
-        let header: &[u8; HEADER] = bytes.first_chunk().ok_or(BeamFileError::Magic)?;
-        let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| header[at + i]));
-        if header[..8] != *MAGIC {
-            return Err(BeamFileError::Magic);
-        }
+        let (header, angles) = opened(bytes)?;
         if header[8..40] != *key {
             return Err(BeamFileError::Key);
         }
-        let (rows, columns, entries) = (word(56), word(64), word(72));
+        let (rows, columns, entries) = (word(header, 56), word(header, 64), word(header, 72));
         let size = || {
-            let mut end = HEADER;
+            let mut end = header.len();
             let mut part = |count: usize, each: usize| {
                 let start = end;
                 end = end.checked_add(count.checked_mul(each)?)?;
@@ -225,7 +249,7 @@ impl Layout {
             let [rows, columns, entries] = [rows, columns, entries].map(|count| usize::try_from(count).ok());
             let (rows, columns, entries) = (rows?, columns?, entries?);
             let layout = Self {
-                gantry_deg: f64::from_bits(word(48)),
+                angles,
                 bixels: part(columns, 16)?,
                 starts: part(rows.checked_add(1)?, 4)?,
                 value: part(entries, 4)?,
@@ -235,12 +259,11 @@ impl Layout {
         };
         let layout = size().ok_or(BeamFileError::Size { found: bytes.len(), rows, columns, entries })?;
 
-        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(40));
+        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(header, 40));
         if u64::from(found) != stored {
             return Err(BeamFileError::Checksum { found, stored: stored as u32 });
         }
-        if !layout.gantry_deg.is_finite()
-            || !layout.bixels(bytes).as_flattened().iter().all(|mm| mm.is_finite())
+        if !layout.angles.is_finite() || !layout.bixels(bytes).as_flattened().iter().all(|mm| mm.is_finite())
         {
             return Err(BeamFileError::Place);
         }
@@ -285,10 +308,13 @@ pub(super) fn bytes(key: &Key, beam: &BeamRows) -> Vec<u8> {
 fn write_to(out: &mut impl Write, key: &Key, beam: &BeamRows) -> io::Result<()> {
     let dose = beam.dose.view();
     let sizes = [dose.rows() as u64, dose.columns as u64, dose.value.len() as u64];
-    let angle = beam.gantry_deg.to_bits();
-    let parts: [&[u8]; 6] = [
+    let angle = beam.angles.gantry_deg.to_bits();
+    let couch = beam.angles.couch_deg.to_bits();
+    let is_coplanar = beam.angles.is_coplanar();
+    let parts: [&[u8]; 7] = [
         angle.as_bytes(),
         sizes.as_bytes(),
+        if is_coplanar { &[] } else { couch.as_bytes() },
         beam.bixels_mm.as_bytes(),
         dose.starts.as_bytes(),
         dose.value.as_bytes(),
@@ -296,7 +322,7 @@ fn write_to(out: &mut impl Write, key: &Key, beam: &BeamRows) -> io::Result<()> 
     ];
     let mut checksum = crc32fast::Hasher::new();
     parts.iter().for_each(|part| checksum.update(part));
-    out.write_all(MAGIC)?;
+    out.write_all(if is_coplanar { MAGIC } else { MAGIC_WITH_COUCH })?;
     out.write_all(key)?;
     out.write_all(&u64::from(checksum.finalize()).to_le_bytes())?;
     parts.iter().try_for_each(|part| out.write_all(part))
@@ -317,7 +343,7 @@ mod tests {
         let dose =
             Csc::new(9, vec![0, 2, 2, 5], vec![1, 8, 0, 1, 2], vec![1.0, 0.5, 0.25, 2.0, 3.0]).unwrap();
         let dose = Rows::from_columns(dose.view()).unwrap();
-        BeamRows { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
+        BeamRows { angles: 12.5.into(), bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
     }
 
     #[test]
@@ -326,7 +352,7 @@ mod tests {
         let path = folder.path().join("beam");
         write(&path, &KEY, &beam()).unwrap();
         let read = BeamFile::open(&path, &KEY).unwrap();
-        assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
+        assert_eq!((read.angles(), read.bixels_mm()), (12.5.into(), beam().bixels_mm.as_slice()));
         assert_eq!(read.dose(), beam().dose.view());
         let copied = BeamFile::of_bytes(&[&[7], read.bytes()].concat()[1..], &KEY).unwrap();
         assert_eq!((copied.dose(), copied.bytes()), (read.dose(), read.bytes()));
@@ -335,11 +361,27 @@ mod tests {
     }
 
     #[test]
+    fn a_couch_angle_makes_another_version_of_the_file_and_none_leaves_it_as_it_was() {
+        let coplanar = bytes(&KEY, &beam());
+        assert_eq!((&coplanar[..8], coplanar.len()), (&MAGIC[..], HEADER + 3 * 16 + 10 * 4 + 5 * 6));
+        let turned = bytes(&KEY, &BeamRows { angles: [12.5, -30.0].into(), ..beam() });
+        assert_eq!((&turned[..8], turned.len()), (&MAGIC_WITH_COUCH[..], coplanar.len() + 8));
+        let read = BeamFile::of_bytes(&turned, &KEY).unwrap();
+        assert_eq!((read.angles(), read.dose()), ([12.5, -30.0].into(), beam().dose.view()));
+        assert!(BeamFile::check_bytes(&turned, [12.5, -30.0]).is_ok());
+        for other in [[12.5, 0.0], [12.5, 30.0], [12.0, -30.0]] {
+            assert!(matches!(BeamFile::check_bytes(&turned, other), Err(BeamFileError::Place)));
+        }
+        let level = bytes(&KEY, &BeamRows { angles: [12.5, -0.0].into(), ..beam() });
+        assert_eq!(level, coplanar);
+    }
+
+    #[test]
     fn a_scaled_file_has_its_rows_times_their_factors_under_another_key() {
         let file = BeamFile::of_bytes(&bytes(&KEY, &beam()), &KEY).unwrap();
         let factors = [2.0, 3.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0];
         let scaled = file.scaled(&factors);
-        assert_eq!((scaled.gantry_deg(), scaled.bixels_mm()), (file.gantry_deg(), file.bixels_mm()));
+        assert_eq!((scaled.angles(), scaled.bixels_mm()), (file.angles(), file.bixels_mm()));
         for (row, factor) in factors.into_iter().enumerate() {
             let (columns, values) = file.dose().row(row);
             let expected: Vec<f32> = values.iter().map(|value| factor * value).collect();
@@ -354,14 +396,13 @@ mod tests {
     fn ten_thousand_broken_files_are_refused_or_hold_a_matrix() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam()).unwrap();
-        let whole = std::fs::read(&path).unwrap();
+        let whole = [0.0, 7.5].map(|couch| bytes(&KEY, &BeamRows { angles: [12.5, couch].into(), ..beam() }));
 
-        let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());
+        let harm = (0..6, any::<Index>(), any::<u64>(), any::<bool>());
         let (refused, used) = (Cell::new(0), Cell::new(0));
         let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
         let outcome = TestRunner::new(config).run(&prop::collection::vec(harm, 1..3), |harms| {
-            let mut broken = whole.clone();
+            let mut broken = whole[harms.len() % 2].clone();
             for (kind, at, word, sign) in harms {
                 match kind {
                     0 => broken.truncate(at.index(broken.len() + 1)),
@@ -370,7 +411,8 @@ mod tests {
                     2 if broken.len() >= HEADER => {
                         broken[48 + 8 * at.index(4)..][..8].copy_from_slice(&word.to_le_bytes());
                     }
-                    3 if broken.len() >= HEADER => broken[48 + 8 * at.index(4)] ^= word as u8 % 8,
+                    3 if broken.len() >= HEADER + 8 => broken[80] ^= word as u8,
+                    4 if broken.len() >= HEADER => broken[48 + 8 * at.index(4)] ^= word as u8 % 8,
                     _ if !broken.is_empty() => {
                         let at = at.index(broken.len());
                         broken[at] = word as u8;

@@ -1,5 +1,6 @@
 //! Where beams cross lung or air before they leave the target: there, pencil beams are wrong.
 
+use super::angles::BeamAngles;
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::frame::BeamFrame;
@@ -54,10 +55,14 @@ impl DoseEngine {
     ///
     /// # Errors
     /// An angle out of range.
-    pub fn low_density(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<LowDensity, DoseError> {
+    pub fn low_density(
+        &self,
+        angles: impl Into<BeamAngles>,
+        bixels_mm: &[[f64; 2]],
+    ) -> Result<LowDensity, DoseError> {
         let sad_mm = self.machine.file().sad_mm;
         let isocentre_mm = std::array::from_fn(|axis| self.isocentre_mm[axis] - self.shift_mm[axis]);
-        let frame = BeamFrame::new(self.checked_angle(gantry_deg)?, self.position, isocentre_mm, sad_mm);
+        let frame = BeamFrame::new(self.checked_angles(angles)?, self.position, isocentre_mm, sad_mm);
         let depths = self.target_mm.iter().map(|point| frame.beam_from_patient(*point)[1]);
         let far_mm = depths.fold(0.0, f64::max);
         let lengths: Vec<f64> = bixels_mm.iter().map(|bixel| self.low_mm(&frame, *bixel, far_mm)).collect();

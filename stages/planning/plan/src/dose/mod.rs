@@ -6,6 +6,7 @@
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
 //! - `collimator`: the leaves of the machine
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
+//! - `angles`: gantry and couch
 //! - `beam`: one beam, bixel by bixel
 //! - `name`: the two methods; `superposition`: the one that knows air and lung
 //! - `low_density`: where beams cross them
@@ -20,6 +21,7 @@
 //! - `portable`: an engine as bytes
 //! - `error`: what can be wrong
 
+mod angles;
 mod beam;
 mod bixels;
 mod cache;
@@ -41,6 +43,7 @@ mod portable;
 mod siddon;
 mod superposition;
 
+pub use angles::{BeamAngles, NotAngles};
 pub use beam::BeamInfluence;
 pub use bixels::{BixelCentre, BixelSpec};
 pub use cache::{CacheError, CachedBeam, DoseCache, Origin};

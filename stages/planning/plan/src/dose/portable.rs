@@ -271,7 +271,7 @@ mod tests {
             }
             prop_assert!(!cut || DoseEngine::from_bytes(&broken).is_err());
             if let Ok(engine) = DoseEngine::from_bytes(&broken) {
-                let _ = engine.checked_angle(0.0);
+                let _ = engine.checked_angles(0.0);
             }
         });
     }

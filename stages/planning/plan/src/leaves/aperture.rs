@@ -1,4 +1,4 @@
-//! The fluence of beams whose gantry, collimator, jaws and leaves move while the meterset is given.
+//! The fluence of beams whose gantry, collimator, couch, jaws and leaves move while the meterset is given.
 //!
 //! Between two control points all changes linearly with the meterset. An interval is divided until nothing moves by more
 //! than [`MOST_TRAVEL_MM`] or turns by more than [`MOST_TURN_DEG`], and each part stands where it is at its middle.
@@ -6,12 +6,12 @@
 use std::collections::BTreeMap;
 
 use super::segment::{LeafBeam, Segment};
-use crate::dose::Collimator;
+use crate::dose::{BeamAngles, Collimator};
 use crate::recompute::BeamFluence;
 
 /// How far a leaf or a jaw may move within a part of an interval, mm.
 const MOST_TRAVEL_MM: f64 = 2.5;
-/// How far gantry and collimator may turn within a part, degrees.
+/// How far gantry, collimator and couch may turn within a part, degrees.
 const MOST_TURN_DEG: f64 = 2.0;
 /// How far beyond the outermost tips the transmission of the leaves counts where no jaws end the field there, mm.
 const MARGIN_MM: f64 = 20.0;
@@ -27,6 +27,8 @@ pub struct Aperture {
     pub gantry_deg: f64,
     /// IEC 61217 collimator angle, degrees, which runs on in the same way.
     pub collimator_deg: f64,
+    /// IEC 61217 couch angle (patient support), degrees, which runs on in the same way.
+    pub couch_deg: f64,
     /// Edges of the jaws along x, then z of the collimator, mm on the isocentre plane; none where the leaves alone limit the
     /// field.
     pub jaws_mm: [Option<[f64; 2]>; 2],
@@ -64,10 +66,11 @@ pub fn moving_fluence(
             let at = between(from, to, (f64::from(part) + 0.5) / f64::from(parts));
             let is_same = |d: &Direction| {
                 (d.gantry_deg - at.gantry_deg).abs() < SAME_DEG
+                    && (d.couch_deg - at.couch_deg).abs() < SAME_DEG
                     && (d.collimator_deg - at.collimator_deg).abs() < SAME_DEG
             };
             if !directions.last().is_some_and(is_same) {
-                directions.push(Direction::new(at.gantry_deg, at.collimator_deg));
+                directions.push(Direction::new(&at));
             }
             if let Some(direction) = directions.last_mut() {
                 direction.add(&at, leaves, transmission, weight * share / f64::from(parts), width_mm);
@@ -84,7 +87,8 @@ fn parts(from: &Aperture, to: &Aperture) -> u32 {
     let tips = from.tips_mm.iter().zip(&to.tips_mm).map(|(a, b)| moved(a, b));
     let jaws = from.jaws_mm.iter().flatten().zip(to.jaws_mm.iter().flatten()).map(|(a, b)| moved(a, b));
     let travel = tips.chain(jaws).fold(0.0, f64::max);
-    let turn = (to.gantry_deg - from.gantry_deg).abs().max((to.collimator_deg - from.collimator_deg).abs());
+    let angles = |at: &Aperture| [at.gantry_deg, at.collimator_deg, at.couch_deg];
+    let turn = angles(from).iter().zip(angles(to)).map(|(a, b)| (b - a).abs()).fold(0.0, f64::max);
     (travel / MOST_TRAVEL_MM).max(turn / MOST_TURN_DEG).ceil().max(1.0) as u32
 }
 
@@ -95,6 +99,7 @@ fn between(from: &Aperture, to: &Aperture, part: f64) -> Aperture {
         given: at(from.given, to.given),
         gantry_deg: at(from.gantry_deg, to.gantry_deg),
         collimator_deg: at(from.collimator_deg, to.collimator_deg),
+        couch_deg: at(from.couch_deg, to.couch_deg),
         jaws_mm: [0, 1].map(|axis| from.jaws_mm[axis].zip(to.jaws_mm[axis]).map(|(a, b)| ends(a, b))),
         tips_mm: from.tips_mm.iter().zip(&to.tips_mm).map(|(a, b)| ends(*a, *b)).collect(),
     }
@@ -104,12 +109,14 @@ fn between(from: &Aperture, to: &Aperture, part: f64) -> Aperture {
 struct Direction {
     gantry_deg: f64,
     collimator_deg: f64,
+    couch_deg: f64,
     weights: BTreeMap<[i32; 2], f64>,
 }
 
 impl Direction {
-    fn new(gantry_deg: f64, collimator_deg: f64) -> Self {
-        Self { gantry_deg, collimator_deg, weights: BTreeMap::new() }
+    fn new(at: &Aperture) -> Self {
+        let Aperture { gantry_deg, collimator_deg, couch_deg, .. } = *at;
+        Self { gantry_deg, collimator_deg, couch_deg, weights: BTreeMap::new() }
     }
 
     fn add(
@@ -146,7 +153,7 @@ impl Direction {
             [x * cos - z * sin, x * sin + z * cos]
         };
         BeamFluence {
-            gantry_deg: self.gantry_deg.rem_euclid(360.0),
+            angles: BeamAngles { gantry_deg: self.gantry_deg, couch_deg: self.couch_deg }.wrapped(),
             bixels_mm: self.weights.keys().map(place).collect(),
             weights: self.weights.values().copied().collect(),
         }
@@ -190,6 +197,7 @@ mod tests {
             given,
             gantry_deg: 30.0,
             collimator_deg: 0.0,
+            couch_deg: 0.0,
             jaws_mm: [Some([-50.0, 50.0]), Some([-20.0, 20.0])],
             tips_mm: vec![tips; 4],
         }
@@ -215,7 +223,7 @@ mod tests {
     fn a_field_that_stands_still_has_its_area_and_its_weight() {
         let points = [aperture(0.0, [-10.0, 30.0]), aperture(1.0, [-10.0, 30.0])];
         let beams = moving_fluence(&points, pairs(false), 0.0, 3.0, 2.5);
-        assert_eq!((beams.len(), beams[0].gantry_deg), (1, 30.0));
+        assert_eq!((beams.len(), beams[0].angles), (1, 30.0.into()));
         assert!((whole(&beams, 2.5) - 3.0 * 40.0 * 40.0).abs() < 1e-9);
         let [x, z] = middle(&beams[0]);
         assert!((x - 10.0).abs() < 1e-9 && z.abs() < 1e-9, "{x} {z}");
@@ -247,7 +255,7 @@ mod tests {
         let last = Aperture { gantry_deg: 370.0, ..aperture(1.0, [-10.0, 10.0]) };
         let first = Aperture { gantry_deg: 350.0, ..aperture(0.0, [-10.0, 10.0]) };
         let beams = moving_fluence(&[first, last], pairs(false), 0.0, 1.0, 5.0);
-        let angles: Vec<f64> = beams.iter().map(|beam| beam.gantry_deg.round()).collect();
+        let angles: Vec<f64> = beams.iter().map(|beam| beam.angles.gantry_deg.round()).collect();
         assert_eq!(angles, [351.0, 353.0, 355.0, 357.0, 359.0, 1.0, 3.0, 5.0, 7.0, 9.0]);
         assert!(beams.iter().all(|beam| (whole(std::slice::from_ref(beam), 5.0) - 80.0).abs() < 1e-9));
     }

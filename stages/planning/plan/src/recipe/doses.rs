@@ -28,7 +28,9 @@ impl PlanDoses {
         threads: NonZeroUsize,
         on_dose: impl Fn() + Sync,
     ) -> Result<Self, CacheError> {
-        Self::by(setup, |engines| RingDoses::load(cache, engines, setup.spec.ring, beams, threads, &on_dose))
+        Self::by(setup, |engines| {
+            RingDoses::load(cache, engines, setup.directions.clone(), beams, threads, &on_dose)
+        })
     }
 
     /// The doses of these beams, computed in memory.
@@ -36,7 +38,7 @@ impl PlanDoses {
     /// # Errors
     /// A dose cannot be computed.
     pub fn compute(setup: &PlanSetup, beams: &[u16], threads: NonZeroUsize) -> Result<Self, CacheError> {
-        Self::by(setup, |engines| RingDoses::compute(engines, setup.spec.ring, beams, threads))
+        Self::by(setup, |engines| RingDoses::compute(engines, setup.directions.clone(), beams, threads))
     }
 
     fn by(

@@ -102,9 +102,9 @@ impl PlanSetup {
     pub fn low_density_of(&self, beams: &[u16]) -> Result<LowDensity, DoseError> {
         let mut sum = LowDensity::default();
         for beam in beams {
-            let gantry_deg = self.spec.ring.angle_deg(*beam);
-            let bixels_mm = self.engine().bixels_mm(gantry_deg)?;
-            sum = sum.and(self.engine().low_density(gantry_deg, &bixels_mm)?);
+            let angles = self.directions.angles(*beam);
+            let bixels_mm = self.engine().bixels_mm(angles)?;
+            sum = sum.and(self.engine().low_density(angles, &bixels_mm)?);
         }
         Ok(sum)
     }
@@ -119,7 +119,7 @@ impl PlanSetup {
             let weights = plan.weights_of(*beam).unwrap_or_default();
             let lit = doses.bixels_mm(*beam).iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
             let lit: Vec<[f64; 2]> = lit.map(|(bixel, _)| *bixel).collect();
-            sum = sum.and(self.engine().low_density(self.spec.ring.angle_deg(*beam), &lit)?);
+            sum = sum.and(self.engine().low_density(self.directions.angles(*beam), &lit)?);
         }
         Ok(sum)
     }

@@ -48,7 +48,7 @@ impl PlanSearch {
         if setup.parts.is_some() {
             return Err(GivenError::Game);
         }
-        let set = setup.spec.ring.set(&beams)?;
+        let set = setup.directions.set(&beams)?;
         let matrices: Vec<_> = set.beams().iter().map(|beam| doses.solved.beam(*beam)).collect();
         let columns: Vec<usize> = matrices.iter().map(|matrix| matrix.columns()).collect();
         let problem = setup.goals.problem(&matrices)?.on_threads(self.threads);

@@ -56,7 +56,7 @@ impl Planned {
 /// # Errors
 /// The case or the request cannot be planned.
 pub fn plan(case: Case, spec: SetupSpec, request: &PlanRequest) -> Result<Planned, PlanError> {
-    let search = request.check(&case, spec.ring)?;
+    let search = request.check(&case, spec.directions())?;
     let mut setup = PlanSetup::new(case, spec)?;
     if let Some(beams) = search.only_beams() {
         let engine = setup.engine_of_plan(&beams).map_err(SetupError::Dose)?;

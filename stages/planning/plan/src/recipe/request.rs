@@ -9,9 +9,10 @@ use thiserror::Error;
 use super::name::{MethodName, PriorName};
 use super::search::{LearnedBeams, PlanSearch};
 use crate::beams::{
-    BeamGame, BeamSet, ClassAngles, Geometry, Method, Mixture, Prior, Ring, RingError, SearchOptions,
+    BeamGame, ClassAngles, Directions, Geometry, Method, Mixture, Prior, Ring, RingError, SearchOptions,
     Uniform, class_solution, pelvis_solutions,
 };
+use crate::dose::BeamAngles;
 
 /// Most solves of a method, if nothing else is requested.
 pub const BUDGET: usize = 40;
@@ -22,8 +23,6 @@ pub const PROPOSALS: usize = 5;
 const EXCHANGES: usize = 2;
 /// Most leaves that a search may have under way.
 pub const MOST_LEAVES: usize = 64;
-/// How far an angle may be from an angle of the ring, degrees: half of the finest step that rings have.
-const OFF_RING_DEG: f64 = 0.005;
 
 /// How the beams of a plan are chosen.
 #[derive(Clone, Debug)]
@@ -36,8 +35,8 @@ pub struct PlanRequest {
     pub network: Option<Arc<dyn LearnedBeams>>,
     /// Beams of the plan.
     pub beams: usize,
-    /// Gantry angles of the method `given`, degrees.
-    pub angles_deg: Vec<f64>,
+    /// Angles of the beams of the method `given`.
+    pub angles: Vec<BeamAngles>,
     /// Most sets of beams that are solved.
     pub budget: usize,
     /// Leaves that the search may have under way: each is chosen when all results but those are in. For the methods that
@@ -81,11 +80,14 @@ pub enum RequestError {
     /// The network is missing.
     #[error("the method network and the prior network need a network, and there is none")]
     NoNetwork,
+    /// Given angles are not among those that are listed.
+    #[error("the beam at {0} degrees is not among the directions of this set-up")]
+    NotListed(BeamAngles),
     /// A given angle is not on the ring.
     #[error("invalid gantry angle: {found} (angles must be multiples of {step_deg} degrees)")]
     Angle {
-        /// The angle, degrees.
-        found: f64,
+        /// The angles of the beam.
+        found: BeamAngles,
         /// Degrees between two angles of the ring.
         step_deg: f64,
     },
@@ -116,7 +118,7 @@ impl PlanRequest {
             priors: vec![PriorName::Price],
             network: None,
             beams: 5,
-            angles_deg: Vec::new(),
+            angles: Vec::new(),
             budget: Self::usual_budget(method),
             leaves: Self::USUAL_LEAVES,
             seed: 0,
@@ -124,9 +126,10 @@ impl PlanRequest {
         }
     }
 
-    /// The beams of these gantry angles, degrees: one solve.
-    pub fn of_angles(angles_deg: Vec<f64>) -> Self {
-        Self { beams: angles_deg.len(), angles_deg, ..Self::of_method(MethodName::Given) }
+    /// The beams of these angles: one solve. Numbers are gantry angles, degrees.
+    pub fn of_angles(angles: Vec<impl Into<BeamAngles>>) -> Self {
+        let angles: Vec<BeamAngles> = angles.into_iter().map(Into::into).collect();
+        Self { beams: angles.len(), angles, ..Self::of_method(MethodName::Given) }
     }
 
     /// Most solves of a method, if nothing else is requested.
@@ -142,11 +145,13 @@ impl PlanRequest {
         self.method == MethodName::Network || self.priors.contains(&PriorName::Network)
     }
 
-    /// The search for a case on a ring of angles. This is the only validation of a request.
+    /// The search for a case among directions of beams: those of a ring, or listed ones. This is the only validation of a request.
     ///
     /// # Errors
     /// A part of the request is out of range, or two parts contradict each other.
-    pub fn check(&self, case: &Case, ring: Ring) -> Result<PlanSearch, RequestError> {
+    pub fn check(&self, case: &Case, directions: impl Into<Directions>) -> Result<PlanSearch, RequestError> {
+        let directions = directions.into();
+        let ring = directions.ring();
         self.check_names()?;
         match (&self.network, self.uses_network()) {
             (Some(_), false) => return Err(RequestError::UnusedNetwork),
@@ -155,20 +160,20 @@ impl PlanRequest {
         }
         ring.check_room(self.beams)?;
         let given = if self.method == MethodName::Given { self.beams } else { 0 };
-        if self.angles_deg.len() != given {
-            return Err(RequestError::Angles { angles: self.angles_deg.len(), beams: self.beams });
+        if self.angles.len() != given {
+            return Err(RequestError::Angles { angles: self.angles.len(), beams: self.beams });
         }
-        let is_off = |angle: &&f64| {
-            let off = (ring.angle_deg(ring.nearest(**angle)) - angle.rem_euclid(360.0)).abs();
-            !angle.is_finite() || off.min(360.0 - off) > OFF_RING_DEG
-        };
-        if let Some(found) = self.angles_deg.iter().find(is_off) {
-            return Err(RequestError::Angle { found: *found, step_deg: ring.step_deg() });
+        if let Some(found) = self.angles.iter().find(|angles| directions.beam(**angles).is_none()) {
+            let found = *found;
+            return Err(match directions.step_deg() {
+                Some(step_deg) => RequestError::Angle { found, step_deg },
+                None => RequestError::NotListed(found),
+            });
         }
         Ok(PlanSearch {
             name: self.method,
-            method: self.method_for(case, ring)?,
-            ring,
+            method: self.method_for(case, &directions)?,
+            directions,
             beams: self.beams,
             budget: self.budget,
             leaves: NonZeroUsize::new(self.leaves).unwrap_or(NonZeroUsize::MIN),
@@ -202,7 +207,8 @@ impl PlanRequest {
         Ok(())
     }
 
-    fn method_for(&self, case: &Case, ring: Ring) -> Result<Method, RequestError> {
+    fn method_for(&self, case: &Case, directions: &Directions) -> Result<Method, RequestError> {
+        let ring = directions.ring();
         // On a coarse ring the angles of a habit may fall together: then there is no such start.
         let is_legal = |angles: &Vec<f64>| {
             let beams: Vec<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
@@ -215,7 +221,11 @@ impl PlanRequest {
         Ok(match self.method {
             MethodName::Equidistant => Method::Equidistant,
             MethodName::Class => Method::Class(class_solution(self.beams)),
-            MethodName::Given => Method::Class(self.angles_deg.clone()),
+            MethodName::Given => {
+                let beams: Vec<u16> =
+                    self.angles.iter().filter_map(|angles| directions.beam(*angles)).collect();
+                Method::Sets(vec![directions.set(&beams)?])
+            }
             MethodName::Random => Method::Random,
             MethodName::Greedy => Method::Greedy,
             MethodName::Exchange => Method::Exchange(starts()),
@@ -225,9 +235,7 @@ impl PlanRequest {
             MethodName::Prior => Method::Prior,
             MethodName::Network => {
                 let network = self.network.as_ref().ok_or(RequestError::NoNetwork)?;
-                let sets = network.proposals(ring, self.beams, self.budget)?;
-                let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
-                Method::Sets(sets.iter().map(degrees).collect())
+                Method::Sets(network.proposals(ring, self.beams, self.budget)?)
             }
             MethodName::Construction => Method::Game(BeamGame::Construction),
             MethodName::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
@@ -306,7 +314,7 @@ mod tests {
     #[test]
     fn given_angles_must_be_on_the_ring_and_belong_to_the_method_given() {
         let angles = PlanRequest::of_angles(vec![0.0, 10.0]);
-        assert_eq!(refused(&angles), RequestError::Angle { found: 10.0, step_deg: 4.0 });
+        assert_eq!(refused(&angles), RequestError::Angle { found: 10.0.into(), step_deg: 4.0 });
         for wild in [f64::NAN, f64::INFINITY] {
             assert!(matches!(refused(&PlanRequest::of_angles(vec![wild])), RequestError::Angle { .. }));
         }
@@ -314,7 +322,7 @@ mod tests {
             PlanRequest { method: MethodName::Exchange, ..PlanRequest::of_angles(vec![0.0, 40.0]) };
         assert_eq!(refused(&searched), RequestError::Angles { angles: 2, beams: 2 });
         assert!(matches!(
-            refused(&PlanRequest::of_angles(Vec::new())),
+            refused(&PlanRequest::of_angles(Vec::<f64>::new())),
             RequestError::Ring(RingError::NoBeam)
         ));
         // An angle a rounding below a whole turn is 0 degrees.

@@ -8,8 +8,8 @@ use super::doses::PlanDoses;
 use super::name::MethodName;
 use super::setup::PlanSetup;
 use crate::beams::{
-    BeamSet, Budget, Choice, ChoiceError, Evaluator, Influence, Method, Mixture, Prior, Progress, Ring,
-    RingDoses, RingError, SecondPlayer, choose, set_of_prior,
+    BeamSet, Budget, Choice, ChoiceError, Directions, Evaluator, Influence, Method, Mixture, Prior, Progress,
+    Ring, RingDoses, RingError, SecondPlayer, choose, set_of_prior,
 };
 
 /// What a trained network says of a case.
@@ -28,7 +28,7 @@ pub struct PlanSearch {
     /// Name of the method.
     pub name: MethodName,
     pub(super) method: Method,
-    pub(super) ring: Ring,
+    pub(super) directions: Directions,
     /// Beams of the plan.
     pub beams: usize,
     /// Most sets of beams that are solved.
@@ -74,17 +74,21 @@ impl PlanSearch {
 
     /// Beams that need a dose, rising: all of the ring, unless the method is sure to use fewer.
     pub fn needed_beams(&self) -> Vec<u16> {
-        let all = || (0..self.ring.count()).collect();
+        let ring = self.directions.ring();
+        let all = || (0..ring.count()).collect();
         let nearest = |angles: &[f64]| -> Vec<u16> {
-            let beams: BTreeSet<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
+            let beams: BTreeSet<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
             beams.into_iter().collect()
         };
         match &self.method {
             Method::Prior => {
-                let set = self.prior().and_then(|prior| set_of_prior(prior, self.ring, self.beams).ok());
+                let set = self.prior().and_then(|prior| set_of_prior(prior, ring, self.beams).ok());
                 set.map_or_else(all, |set| set.beams().to_vec())
             }
-            Method::Sets(sets) => nearest(&sets.concat()),
+            Method::Sets(sets) => {
+                let beams: BTreeSet<u16> = sets.iter().flat_map(BeamSet::beams).copied().collect();
+                beams.into_iter().collect()
+            }
             Method::Class(angles) => nearest(angles),
             _ => all(),
         }
@@ -117,19 +121,22 @@ impl PlanSearch {
         influence: &'a I,
     ) -> Evaluator<'a, I> {
         let budget = Budget { solves: self.budget };
-        let evaluator = Evaluator::new(influence, &setup.goals, self.ring, self.beams, budget);
+        let evaluator = Evaluator::new(influence, &setup.goals, self.directions.ring(), self.beams, budget);
         evaluator.with_threads(self.threads).with_leaves(self.leaves)
     }
 
     /// The search whose only set of beams is this: the plan of its beams on other doses.
     pub fn of_beams(&self, beams: &BeamSet) -> Self {
-        let angles_deg = beams.beams().iter().map(|beam| self.ring.angle_deg(*beam)).collect();
         Self {
-            method: Method::Sets(vec![angles_deg]),
+            name: self.name,
+            method: Method::Sets(vec![beams.clone()]),
+            directions: self.directions.clone(),
+            beams: self.beams,
             budget: 1,
             leaves: NonZeroUsize::MIN,
             mixture: None,
-            ..*self
+            seed: self.seed,
+            threads: self.threads,
         }
     }
 

@@ -4,8 +4,8 @@ use stillpoint_patient::case::{Case, CaseFileError, ContentHash, content_hash};
 use thiserror::Error;
 
 use super::spec::{PointScheme, RobustBy, SetupSpec};
-use crate::beams::RingError;
-use crate::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, EngineName, MachineError};
+use crate::beams::{Directions, RingError};
+use crate::dose::{BeamAngles, BixelSpec, DoseEngine, DoseError, DoseParams, EngineName, MachineError};
 use crate::fluence::Goals;
 use crate::objectives::{ObjectiveSet, ObjectiveSetError, TableError};
 use crate::protocol::Served;
@@ -19,6 +19,8 @@ pub struct PlanSetup {
     pub hash: ContentHash,
     /// The parameters.
     pub spec: SetupSpec,
+    /// Where the beams may come from.
+    pub directions: Directions,
     /// The points whose dose is optimised.
     pub sampling: Sampling,
     /// The objectives of each structure in gray, on the points that count for it.
@@ -93,8 +95,19 @@ impl PlanSetup {
         let goals = objective_set.goals(if is_game { 1 } else { 1 + spec.errors_mm.len() })?;
         let parts = is_game.then(|| objective_set.parts()).transpose()?;
         let of_search = spec.engine.of_search();
-        let setup =
-            Self { case, hash, spec, sampling, objective_set, served, goals, parts, engines: Vec::new() };
+        let directions = spec.directions();
+        let setup = Self {
+            case,
+            hash,
+            spec,
+            directions,
+            sampling,
+            objective_set,
+            served,
+            goals,
+            parts,
+            engines: Vec::new(),
+        };
         setup.by(of_search)
     }
 
@@ -152,8 +165,13 @@ impl PlanSetup {
         self.case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max)
     }
 
+    /// Angles of these beams.
+    pub fn angles(&self, beams: &[u16]) -> Vec<BeamAngles> {
+        self.directions.all(beams)
+    }
+
     /// Gantry angles of these beams, degrees.
     pub fn angles_deg(&self, beams: &[u16]) -> Vec<f64> {
-        beams.iter().map(|beam| self.spec.ring.angle_deg(*beam)).collect()
+        self.directions.all(beams).iter().map(|angles| angles.gantry_deg).collect()
     }
 }

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::engine::PlanEngine;
 use super::setup::SetupError;
-use crate::beams::{Ring, RingError};
-use crate::dose::Machine;
+use crate::beams::{Directions, Ring, RingError};
+use crate::dose::{BeamAngles, Machine};
 use crate::objectives::ObjectiveTable;
 use crate::protocol::Protocol;
 
@@ -39,8 +39,10 @@ pub struct SetupSpec {
     pub errors_mm: Vec<[f64; 3]>,
     /// What is optimised where there are displacements.
     pub robust_by: RobustBy,
-    /// The angles that beams may have.
+    /// The gantry angles that beams may have.
     pub ring: Ring,
+    /// Where beams may come from instead, if there are couch angles among them.
+    pub listed: Option<Directions>,
     /// How far within the edge of the patient the rays of bixels run at least, mm; negative: how far beside it they may run.
     pub inside_mm: f64,
 }
@@ -88,8 +90,25 @@ impl SetupSpec {
             errors_mm: Vec::new(),
             robust_by: RobustBy::Mean,
             ring: Ring::new(count, gap)?,
+            listed: None,
             inside_mm: 0.0,
         })
+    }
+
+    /// Where beams may come from.
+    pub fn directions(&self) -> Directions {
+        self.listed.clone().unwrap_or_else(|| self.ring.into())
+    }
+
+    /// The same for beams of these angles alone, on a ring where that holds them.
+    ///
+    /// # Errors
+    /// An angle is not finite, or two beams have the same angles.
+    pub fn for_angles(self, angles: &[BeamAngles]) -> Result<Self, RingError> {
+        let directions = Directions::for_angles(self.ring, angles)?;
+        let is_ring = directions.step_deg().is_some();
+        let ring = if is_ring { directions.ring() } else { self.ring };
+        Ok(Self { ring, listed: (!is_ring).then_some(directions), ..self })
     }
 
     /// A ring of so many angles, of which beams are at least 20 degrees apart.

@@ -28,7 +28,7 @@ fn a_beam_is_computed_once_and_then_found_with_the_same_dose() {
     assert!(matches!((&first.origin, &second.origin), (Origin::Computed, Origin::Found)));
     let rows = Rows::from_columns(direct.dose.view()).unwrap();
     for cached in [&first.beam, &second.beam] {
-        assert_eq!((cached.gantry_deg(), cached.bixels_mm()), (40.0, direct.bixels_mm.as_slice()));
+        assert_eq!((cached.angles().gantry_deg, cached.bixels_mm()), (40.0, direct.bixels_mm.as_slice()));
         assert_eq!(cached.dose(), rows.view());
     }
     let entries = direct.dose.view().value.len();
@@ -89,7 +89,7 @@ fn any_number_of_threads_fills_the_cache_with_the_same_bytes() {
         let folder = tempfile::tempdir().unwrap();
         let cache = DoseCache::in_folder(folder.path()).unwrap();
         let beams = cache.beams(&engine(), &angles, NonZeroUsize::new(threads).unwrap()).unwrap();
-        assert!(beams.iter().map(|cached| cached.beam.gantry_deg()).eq(angles));
+        assert!(beams.iter().map(|cached| cached.beam.angles().gantry_deg).eq(angles));
         files(folder.path())
             .iter()
             .map(|f| (f.file_name().unwrap().to_owned(), std::fs::read(f).unwrap()))

@@ -2,6 +2,7 @@
 
 mod broken;
 mod cache;
+mod couch;
 mod generic;
 mod nowhere;
 pub mod phantom;

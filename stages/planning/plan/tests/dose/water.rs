@@ -171,7 +171,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let engine = phantom.engine(Machine::shipped().unwrap(), phantom.params());
     let angles = [0.0, 17.0, 33.0, 120.0, 300.0];
     let one = engine.beams(&angles, NonZeroUsize::MIN).unwrap();
-    assert_eq!(one.iter().map(|beam| beam.gantry_deg).collect::<Vec<_>>(), angles);
+    assert_eq!(one.iter().map(|beam| beam.angles.gantry_deg).collect::<Vec<_>>(), angles);
     for threads in [2, 3, 8] {
         let several = engine.beams(&angles, NonZeroUsize::new(threads).unwrap()).unwrap();
         let bits = |beam: &stillpoint_plan::dose::BeamInfluence| {

@@ -21,7 +21,7 @@ fn planned() -> Planned {
 fn fluences(planned: &Planned) -> Vec<BeamFluence> {
     let best = planned.best();
     let fluence = |beam: &u16| BeamFluence {
-        gantry_deg: planned.setup.spec.ring.angle_deg(*beam),
+        angles: planned.setup.directions.angles(*beam),
         bixels_mm: planned.doses.solved.bixels_mm(*beam).to_vec(),
         weights: best.weights_of(*beam).unwrap().to_vec(),
     };
@@ -59,7 +59,9 @@ fn no_bixel_carries_a_neck_its_targets_are_covered_and_a_spoilt_fluence_is_refus
     spoilt[0].weights[0] = 174.0 * lit[lit.len() / 2];
     let found = check(&spoilt, Some(1e5));
     assert!((found.values.medians - 174.0).abs() < 5.0, "{:?}", found.values);
-    assert!(found.faults.iter().any(|fault| matches!(fault, Fault::Peak { gantry_deg: 0.0, .. })));
+    assert!(
+        found.faults.iter().any(|fault| matches!(fault, Fault::Peak { angles, .. } if *angles == 0.0.into()))
+    );
     assert!(found.faults.iter().any(|fault| matches!(fault, Fault::Units { .. })));
     // Fluence that comes in when the patient moves: the same weight just beside him.
     let mut neighbour = good.clone();

@@ -54,7 +54,11 @@ impl<'a> Planned<'a> {
         let beams: Vec<WeightedBeam<'_>> = self
             .beams
             .iter()
-            .map(|(gantry_deg, weights)| WeightedBeam { gantry_deg: *gantry_deg, weights, bixels_mm: None })
+            .map(|(gantry_deg, weights)| WeightedBeam {
+                angles: (*gantry_deg).into(),
+                weights,
+                bixels_mm: None,
+            })
             .collect();
         let gray = recompute.dose(&beams, [0.0; 3], TWO).unwrap();
         let on_grid = OnGrid::new(self.case, recompute.grid());

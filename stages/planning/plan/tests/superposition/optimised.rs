@@ -25,7 +25,7 @@ fn coarse(engine: PlanEngine) -> SetupSpec {
 fn fluences(planned: &Planned) -> Vec<BeamFluence> {
     let best = planned.best();
     let fluence = |beam: &u16| BeamFluence {
-        gantry_deg: planned.setup.spec.ring.angle_deg(*beam),
+        angles: planned.setup.directions.angles(*beam),
         bixels_mm: planned.doses.solved.bixels_mm(*beam).to_vec(),
         weights: best.weights_of(*beam).unwrap().to_vec(),
     };

@@ -19,7 +19,7 @@ fn spec(grid_mm: f64, bixel_mm: f64) -> SetupSpec {
 /// Each beam with its weights.
 fn fluences(setup: &PlanSetup, doses: &PlanDoses, plan: &Evaluated) -> Vec<BeamFluence> {
     let fluence = |beam: &u16| BeamFluence {
-        gantry_deg: setup.spec.ring.angle_deg(*beam),
+        angles: setup.directions.angles(*beam),
         bixels_mm: doses.solved.bixels_mm(*beam).to_vec(),
         weights: plan.weights_of(*beam).unwrap().to_vec(),
     };
@@ -30,7 +30,7 @@ fn fluences(setup: &PlanSetup, doses: &PlanDoses, plan: &Evaluated) -> Vec<BeamF
 fn at_points(setup: &PlanSetup, fluences: &[BeamFluence]) -> Vec<f64> {
     let mut sum = vec![0.0; setup.engine().rows()];
     for of in fluences {
-        let dose = setup.engine().weighted_bixels(of.gantry_deg, &of.bixels_mm, &of.weights).unwrap();
+        let dose = setup.engine().weighted_bixels(of.angles, &of.bixels_mm, &of.weights).unwrap();
         sum.iter_mut().zip(&dose).for_each(|(sum, dose)| *sum += f64::from(*dose));
     }
     sum

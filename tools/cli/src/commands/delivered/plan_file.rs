@@ -83,6 +83,13 @@ impl DeliveredPlan {
                 "the plan has no beam, a weight that is negative, or a bixel more than {MOST_MM} mm from the axis"
             )));
         }
+        if let Some(turned) = beams.iter().find(|beam| !beam.angles.is_coplanar()) {
+            return Err(fault(&format!(
+                "the beam at gantry {} degrees is planned at the couch angle {} degrees, and a session is recorded at 0: its \
+                 poses are in the frame of a couch that is not turned; plan without couch angles",
+                turned.angles.gantry_deg, turned.angles.couch_deg
+            )));
+        }
         Ok(Self {
             recompute,
             fractions,
@@ -94,7 +101,7 @@ impl DeliveredPlan {
 
 fn fluence(beam: &PlanFileBeam) -> BeamFluence {
     let (bixels_mm, weights) = beam.bixels_x_z_mm_weight.iter().map(|[x, z, w]| ([*x, *z], *w)).unzip();
-    BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights }
+    BeamFluence { angles: beam.angles(), bixels_mm, weights }
 }
 
 /// Why the leaves of a plan cannot be those of a machine.
@@ -127,7 +134,7 @@ fn fluences(leaves: &PlanFileLeaves, bixel_mm: f64, fractions: u32) -> Result<Ve
             beam.segments.iter().map(|shape| segment(beam, shape)).collect();
         let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
         let (bixels_mm, weights) = shaped.fluence(&leaves.collimator, bixel_mm);
-        Ok(BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights })
+        Ok(BeamFluence { angles: beam.angles(), bixels_mm, weights })
     };
     leaves.beams.iter().map(fluence).collect()
 }

@@ -38,6 +38,7 @@ pub struct PlanArgs {
     #[arg(long, value_name = "N", default_value_t = PlanRequest::USUAL_LEAVES)]
     pub(super) leaves: usize,
     /// Gantry angles in degrees, such as `0,90,-40.5`, to 0.01 degrees and as near to each other as you like; no search is run.
+    /// `72@30` is a beam at gantry 72 and couch 30 degrees (patient support angle of IEC 61217); without `@` the couch is at 0.
     #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "leaves", "method", "compare", "prior"])]
     pub(super) angles: Option<String>,
     /// Run every method, each with the whole budget, and keep the best plan.

@@ -63,7 +63,7 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, Ch
         (None, true) => "",
     };
     let chart = Chart {
-        title: format!("{}, {}{side_by_side}", request.setup.case.name(), angles(&outcome.angles_deg)),
+        title: format!("{}, {}{side_by_side}", request.setup.case.name(), angles(&outcome.angles)),
         x: "dose, Gy".into(),
         y: "volume with at least this dose, %".into(),
         series,

@@ -4,6 +4,7 @@ use stillpoint_dicom::{
     Beam, Export, ExportError, Exported, LeafSegment, Machine, Plan, PlannedDose, dose_file, plan_file,
     structure_file, uids_of,
 };
+use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::leaves::{LeafBeam, Segment};
 
 use super::leaves::Leaves;
@@ -63,14 +64,15 @@ pub fn dicom(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> R
 fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<Beam> {
     let (_, all) = leaves.totals();
     let beam = |(number, beam): (&u16, &LeafBeam)| {
-        let angle = request.setup.spec.ring.angle_deg(*number);
+        let angles = request.setup.directions.angles(*number);
         let segment = |segment: &Segment| LeafSegment {
             tips_mm: segment.tips_mm.clone(),
             monitor_units: leaves.monitor_units(segment.weight),
         };
         Beam {
-            name: format!("gantry {angle}"),
-            gantry_deg: angle,
+            name: name_of(angles),
+            gantry_deg: angles.gantry_deg,
+            couch_deg: angles.couch_deg.rem_euclid(360.0),
             isocentre_mm: request.setup.case.isocentre_mm(),
             weight: leaves.beam_units(beam) / all,
             field_mm: beam.field_mm,
@@ -78,6 +80,14 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
         }
     };
     leaves.beams(outcome.run).map(beam).collect()
+}
+
+fn name_of(angles: BeamAngles) -> String {
+    let BeamAngles { gantry_deg, couch_deg } = angles;
+    match angles.is_coplanar() {
+        true => format!("gantry {gantry_deg}"),
+        false => format!("gantry {gantry_deg} couch {couch_deg}"),
+    }
 }
 
 fn beams(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Vec<Beam> {
@@ -102,10 +112,11 @@ fn beams(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Vec<B
             let high = lit().map(|b| b[axis]).fold(f64::NEG_INFINITY, f64::max);
             [low - half, high + half]
         };
-        let angle = request.setup.spec.ring.angle_deg(*beam);
+        let angles = request.setup.directions.angles(*beam);
         (share > LEAST_SHARE).then(|| Beam {
-            name: format!("gantry {angle}"),
-            gantry_deg: angle,
+            name: name_of(angles),
+            gantry_deg: angles.gantry_deg,
+            couch_deg: angles.couch_deg.rem_euclid(360.0),
             isocentre_mm: request.setup.case.isocentre_mm(),
             weight: share,
             // The beam's x is that of the collimator at 0 degrees; its z, to the head, is the collimator's y.

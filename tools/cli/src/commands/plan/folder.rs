@@ -32,7 +32,7 @@ pub fn write(
     let svg = |text: Result<String, ChartError>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
-    if let Some(tree) = tree::drawing(request.setup.spec.ring, request.beams, &outcome.run.history) {
+    if let Some(tree) = tree::drawing(&request.setup.directions, request.beams, &outcome.run.history) {
         files.push(folder.put("tree.svg", tree.as_bytes())?);
     }
     if runs.len() > 1 {
@@ -43,7 +43,7 @@ pub fn write(
             grid: outcome.grid(),
             gray: &outcome.gray[0],
             most_gy: SCALE * prepared.prescribed_gy,
-            beams_deg: &outcome.angles_deg,
+            beams: &outcome.angles,
         };
         let mut png = Vec::new();
         wash(&request.setup.case, plane, &over).write(&mut png).map_err(Failure::failed)?;

@@ -120,7 +120,8 @@ impl<'a> Leaves<'a> {
             }
         };
         let beam = |(number, beam): (&u16, &LeafBeam)| PlanFileLeafBeam {
-            gantry_deg: request.setup.spec.ring.angle_deg(*number),
+            gantry_deg: request.setup.directions.angles(*number).gantry_deg,
+            couch_deg: request.setup.directions.angles(*number).couch_deg,
             monitor_units: self.beam_units(beam),
             field_x_z_mm: beam.field_mm,
             segments: beam.segments.iter().map(segment).collect(),
@@ -157,7 +158,7 @@ fn fluences(
     let numbers = run.choice.best.beams.beams().iter();
     let fluence = |(number, beam): (&u16, &Option<LeafBeam>)| {
         let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.setup.spec.bixel_mm);
-        Some(BeamFluence { gantry_deg: request.setup.spec.ring.angle_deg(*number), bixels_mm, weights })
+        Some(BeamFluence { angles: request.setup.directions.angles(*number), bixels_mm, weights })
     };
     numbers.zip(&sequenced.beams).filter_map(fluence).collect()
 }

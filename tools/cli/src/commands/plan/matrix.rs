@@ -9,6 +9,7 @@ use npyz::{AutoSerialize, WriterBuilder};
 use serde_json::json;
 use stillpoint_plan::ByRows;
 use stillpoint_plan::beams::Influence;
+use stillpoint_plan::dose::BeamAngles;
 
 use super::args::PlanArgs;
 use super::patient::{self, Made};
@@ -103,23 +104,30 @@ fn write(folder: &OutFolder, request: &Request, prepared: &Prepared) -> Result<V
     let beams = request.needed_beams();
     let matrices: Vec<_> = beams.iter().map(|beam| prepared.doses.solved.beam(*beam)).collect();
     let ByRows { starts, columns, values } = ByRows::of(&matrices);
-    let mut bixels = String::from("bixel,beam,gantry_deg,x_mm,z_mm\n");
+    // Matrices without couch angles keep their columns.
+    let has_couch = setup.angles(&beams).iter().any(|angles| !angles.is_coplanar());
+    let heads = if has_couch { "gantry_deg,couch_deg" } else { "gantry_deg" };
+    let mut bixels = format!("bixel,beam,{heads},x_mm,z_mm\n");
     let places = beams.iter().enumerate().flat_map(|(number, beam)| {
-        let gantry_deg = setup.spec.ring.angle_deg(*beam);
-        prepared.doses.solved.bixels_mm(*beam).iter().map(move |place| (number, gantry_deg, place))
+        let BeamAngles { gantry_deg, couch_deg } = setup.directions.angles(*beam);
+        let angles = if has_couch { format!("{gantry_deg},{couch_deg}") } else { gantry_deg.to_string() };
+        prepared.doses.solved.bixels_mm(*beam).iter().map(move |place| (number, angles.clone(), place))
     });
     let mut count = 0;
-    for (number, gantry_deg, [x, z]) in places {
-        bixels += &format!("{count},{number},{gantry_deg},{x},{z}\n");
+    for (number, angles, [x, z]) in places {
+        bixels += &format!("{count},{number},{angles},{x},{z}\n");
         count += 1;
     }
     let structures = serde_json::to_value(&setup.objective_set.structures).map_err(Failure::failed)?;
-    let problem = json!({
+    let mut problem = json!({
         "case": setup.case.name(), "hash": setup.hash.to_string(), "engine": setup.engine_name(),
         "prescription": setup.case.prescription(), "fractions": setup.case.fractions(),
         "angles_deg": setup.angles_deg(&beams), "bixel_mm": setup.spec.bixel_mm, "points_mm": setup.points_mm(),
         "shape": [starts.len() - 1, count], "modulation": setup.objective_set.modulation, "structures": structures,
     });
+    if has_couch {
+        problem["couches_deg"] = json!(setup.directions.couches_deg(&beams));
+    }
     let problem = serde_json::to_string_pretty(&problem).map_err(Failure::failed)?;
     Ok(vec![
         array(out.join("dose-data.npy"), &values)?,

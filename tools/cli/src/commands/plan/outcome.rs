@@ -4,7 +4,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::check::Checked;
-use stillpoint_plan::dose::{EngineName, LowDensity};
+use stillpoint_plan::dose::{BeamAngles, EngineName, LowDensity};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
@@ -28,8 +28,8 @@ use stillpoint_plan::recipe::{Delivery, PlanRun};
 pub struct Outcome<'a> {
     /// How it was found.
     pub run: &'a PlanRun,
-    /// Gantry angles, rising, degrees.
-    pub angles_deg: Vec<f64>,
+    /// Where the beams come from, by rising gantry angle.
+    pub angles: Vec<BeamAngles>,
     grid: Grid,
     /// Dose in each set-up, gray, the planned one first.
     pub gray: Vec<Vec<f32>>,
@@ -73,7 +73,7 @@ impl<'a> Outcome<'a> {
         };
         let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
-            gantry_deg: request.setup.spec.ring.angle_deg(*beam),
+            angles: request.setup.directions.angles(*beam),
             weights: best.weights_of(*beam).unwrap_or_default(),
             bixels_mm: None,
         };
@@ -106,12 +106,7 @@ impl<'a> Outcome<'a> {
             checked: checked(request, prepared, run, leaves.as_ref())?,
             leaves,
             run,
-            angles_deg: best
-                .beams
-                .beams()
-                .iter()
-                .map(|beam| request.setup.spec.ring.angle_deg(*beam))
-                .collect(),
+            angles: request.setup.angles(best.beams.beams()),
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
             modulation: match request.setup.goals.modulation() {
@@ -181,8 +176,10 @@ impl<'a> Outcome<'a> {
         let beam = |beam: &u16| {
             let weights = best.weights_of(*beam).unwrap_or_default();
             let bixels = prepared.doses.solved.bixels_mm(*beam).iter().zip(weights);
+            let BeamAngles { gantry_deg, couch_deg } = setup.directions.angles(*beam);
             PlanFileBeam {
-                gantry_deg: setup.spec.ring.angle_deg(*beam),
+                gantry_deg,
+                couch_deg,
                 weight: weights.iter().sum(),
                 bixels_x_z_mm_weight: bixels.map(|([x, z], w)| [*x, *z, *w]).collect(),
             }
@@ -294,6 +291,7 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         best: finite(progress.best),
         prices: progress.prices,
         angles_deg: request.setup.angles_deg(progress.beams.beams()),
+        couches_deg: request.setup.directions.couches_deg(progress.beams.beams()),
     };
     let ended = match (request.has_weights, run.choice.spent) {
         (true, _) => "the weights were given",
@@ -307,6 +305,7 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         ended: ended.to_owned(),
         objective: run.choice.best.cost,
         angles_deg: request.setup.angles_deg(run.choice.best.beams.beams()),
+        couches_deg: request.setup.directions.couches_deg(run.choice.best.beams.beams()),
         solves: run.solves(),
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),
@@ -322,7 +321,7 @@ fn checked(
 ) -> Result<Checked, Failure> {
     let (best, setup) = (&run.choice.best, &request.setup);
     let fluence = |beam: &u16| BeamFluence {
-        gantry_deg: setup.spec.ring.angle_deg(*beam),
+        angles: setup.directions.angles(*beam),
         bixels_mm: prepared.doses.solved.bixels_mm(*beam).to_vec(),
         weights: best.weights_of(*beam).unwrap_or_default().to_vec(),
     };

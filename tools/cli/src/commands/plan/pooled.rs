@@ -1,6 +1,6 @@
 //! Planning on a pool of workers: the same plan, computed elsewhere.
 
-use stillpoint_plan::dose::{DoseCache, DoseEngine};
+use stillpoint_plan::dose::{BeamAngles, DoseCache, DoseEngine};
 use stillpoint_plan::recipe::{MOST_LEAVES, PlanRun};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Pool, PoolDoses};
@@ -26,10 +26,10 @@ impl Pooled {
         &mut self,
         cache: &DoseCache,
         engines: &[DoseEngine],
-        angles_deg: &[f64],
+        angles: &[BeamAngles],
         on_dose: impl FnMut(),
     ) {
-        if let Err(reason) = self.made.fill(&mut self.pool, cache, engines, angles_deg, on_dose) {
+        if let Err(reason) = self.made.fill(&mut self.pool, cache, engines, angles, on_dose) {
             errln!("pool: this process computes the doses that are missing: {reason}");
         }
     }

@@ -32,7 +32,7 @@ impl Prepared {
         let bar = bar((beams.len() * setup.engines().len()) as u64, "doses", request.quiet);
         let cache = DoseCache::in_folder(&request.doses).map_err(Failure::failed)?;
         if let Some(pooled) = pooled {
-            pooled.fill(&cache, setup.engines(), &setup.angles_deg(&beams), || bar.inc(1));
+            pooled.fill(&cache, setup.engines(), &setup.angles(&beams), || bar.inc(1));
             bar.set_position(0);
         }
         let doses = PlanDoses::load(setup, &cache, &beams, request.threads, || bar.inc(1));

@@ -313,16 +313,12 @@ impl Row {
             "reason": reason,
             "refused": self.is_refused(),
             "objective": plan.map(|plan| plan.objective),
-            "angles_deg": plan.map(angles_of),
+            "angles_deg": plan.map(PlanFile::angles_deg),
             "solves": plan.map(solves),
             "limits_failed": plan.map(limits_failed),
             "seconds": self.seconds,
         })
     }
-}
-
-fn angles_of(plan: &PlanFile) -> Vec<f64> {
-    plan.beams.iter().map(|beam| beam.gantry_deg).collect()
 }
 
 fn solves(plan: &PlanFile) -> usize {
@@ -346,7 +342,7 @@ fn print(rows: &[Row]) {
             of_plan(|plan| limits_failed(plan).to_string()),
             format!("{:.1}", row.seconds),
             row.word().to_owned(),
-            of_plan(|plan| angles(&angles_of(plan))),
+            of_plan(|plan| angles(&plan.angles())),
         ]);
     }
     out!("{table}");

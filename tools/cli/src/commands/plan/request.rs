@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use stillpoint_dicom::CaseIdentity;
 use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
-use stillpoint_plan::dose::{Collimator, EngineName, Machine};
+use stillpoint_plan::dose::{BeamAngles, Collimator, EngineName, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
@@ -83,16 +83,15 @@ impl Request {
         let mut spec = spec(given)?;
         let (protocol, protocol_note) = protocol(&case, given.protocol.as_deref())?;
         spec.protocol = protocol;
-        let angles = given.angles.as_deref().map(angles_deg).transpose()?;
+        let angles = given.angles.as_deref().map(angles_of).transpose()?;
         if let (Some(angles), Some(text)) = (&angles, &given.angles) {
-            let ring = spec.ring.for_angles(angles);
-            spec.ring = ring.map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
+            spec = spec.for_angles(angles).map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
         }
         let threads = patient.threads;
         let mut requests = requests(given, angles, threads)?;
         network(&mut requests, &case, &spec, given.network.as_deref())?;
         let searches: Result<Vec<PlanSearch>, _> =
-            requests.iter().map(|request| request.check(&case, spec.ring)).collect();
+            requests.iter().map(|request| request.check(&case, spec.directions())).collect();
         let searches = searches.map_err(Failure::wrong)?;
         let (beams, budget) = (requests[0].beams, requests[0].budget);
         let is_shipped = given.network.is_none() && requests.iter().any(PlanRequest::uses_network);
@@ -202,19 +201,21 @@ fn dose_grid_mm(text: &str) -> Result<f64, Failure> {
     }
 }
 
-/// Gantry angles of the command line.
-fn angles_deg(text: &str) -> Result<Vec<f64>, Failure> {
-    let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
-    let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
-    angles.ok_or_else(|| {
-        Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
+/// Angles of the command line: gantry angles, each with a couch angle behind an `@` where that is not 0.
+fn angles_of(text: &str) -> Result<Vec<BeamAngles>, Failure> {
+    let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<BeamAngles>();
+    let angles: Result<Vec<BeamAngles>, _> = text.split(',').map(angle).collect();
+    angles.map_err(|_| {
+        Failure::wrong(format!(
+            "--angles {text}: give degrees separated by commas, such as 0,72,144, with a couch angle as in 72@30"
+        ))
     })
 }
 
 /// One request for each method that is to be run.
 fn requests(
     given: &PlanArgs,
-    angles: Option<Vec<f64>>,
+    angles: Option<Vec<BeamAngles>>,
     threads: NonZeroUsize,
 ) -> Result<Vec<PlanRequest>, Failure> {
     if let Some(angles) = angles {

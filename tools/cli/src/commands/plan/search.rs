@@ -22,7 +22,7 @@ pub fn all(request: &Request, prepared: &Prepared, pooled: Option<&mut Pooled>) 
         return Ok(runs?.into_iter().unzip());
     };
     let setup = &request.setup;
-    let named = PoolSetup::new(&prepared.doses.solved, &setup.goals, setup.spec.ring.count());
+    let named = PoolSetup::new(&prepared.doses.solved, &setup.goals, setup.directions.ring().count());
     let mut solver = PoolSolver::new(&mut pooled.pool, &named);
     let mut runs = Runs::default();
     for search in &request.searches {

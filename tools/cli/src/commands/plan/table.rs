@@ -1,5 +1,6 @@
 //! The figures of a plan, for people.
 
+use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::protocol::{Judged, Served};
@@ -28,7 +29,7 @@ pub fn print(
     outln!(
         "\n{}: beams {} by {}{}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
         request.setup.case.name(),
-        angles(&outcome.angles_deg),
+        angles(&outcome.angles),
         if request.has_weights { "weights that were given" } else { outcome.run.name.word() },
         with_leaves(outcome.run),
         best.solved_cost(),
@@ -125,8 +126,8 @@ fn check(request: &Request, outcome: &Outcome<'_>) {
 }
 
 /// Angles for people.
-pub fn angles(angles_deg: &[f64]) -> String {
-    let angles: Vec<String> = angles_deg.iter().map(|angle| format!("{angle}\u{b0}")).collect();
+pub fn angles(angles: &[BeamAngles]) -> String {
+    let angles: Vec<String> = angles.iter().map(|angle| format!("{angle}\u{b0}")).collect();
     angles.join(" ")
 }
 
@@ -142,7 +143,7 @@ fn searches(request: &Request, runs: &[PlanRun], seconds: &[f64]) {
             run.solves().to_string(),
             run.prices.to_string(),
             format!("{seconds:.1}"),
-            angles(&beams.iter().map(|beam| request.setup.spec.ring.angle_deg(*beam)).collect::<Vec<_>>()),
+            angles(&request.setup.angles(beams)),
         ]);
     }
     out!("{table}");

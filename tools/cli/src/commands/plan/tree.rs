@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use stillpoint_plan::beams::{BeamSet, Progress, Ring};
+use stillpoint_plan::beams::{BeamSet, Directions, Progress};
 
 /// Rows of a drawing at most, but for the way to the best set.
 const ROWS: usize = 40;
@@ -27,7 +27,7 @@ struct Node {
 }
 
 /// The drawing; none where no set was solved from another one.
-pub fn drawing(ring: Ring, beams: usize, history: &[Progress]) -> Option<String> {
+pub fn drawing(directions: &Directions, beams: usize, history: &[Progress]) -> Option<String> {
     let nodes = nodes(beams, history);
     let best = (0..nodes.len()).min_by(|a, b| {
         let cost = |node: &usize| history[nodes[*node].solve].cost;
@@ -48,8 +48,10 @@ pub fn drawing(ring: Ring, beams: usize, history: &[Progress]) -> Option<String>
         let (y, x) = (ROW * (place + 2), 8 + STEP * depth.min(&DEEPEST));
         let Node { solve, parent, below } = &nodes[*node];
         let text = match parent {
-            Some(parent) => exchanged(ring, &history[nodes[*parent].solve].beams, &history[*solve].beams),
-            None => degrees(ring, history[*solve].beams.beams()),
+            Some(parent) => {
+                exchanged(directions, &history[nodes[*parent].solve].beams, &history[*solve].beams)
+            }
+            None => degrees(directions, history[*solve].beams.beams()),
         };
         let weight = if path.contains(node) { "bold" } else { "normal" };
         let mark = if *node == best { ", the best" } else { "" };
@@ -126,21 +128,26 @@ fn list(nodes: &[Node], shown: &BTreeSet<usize>, node: usize, depth: usize, rows
 }
 
 /// The beams that left and those that came.
-fn exchanged(ring: Ring, from: &BeamSet, to: &BeamSet) -> String {
+fn exchanged(directions: &Directions, from: &BeamSet, to: &BeamSet) -> String {
     let without = |set: &BeamSet, other: &BeamSet| -> Vec<u16> {
         set.beams().iter().copied().filter(|beam| !other.beams().contains(beam)).collect()
     };
-    format!("{} \u{2192} {}", degrees(ring, &without(from, to)), degrees(ring, &without(to, from)))
+    format!(
+        "{} \u{2192} {}",
+        degrees(directions, &without(from, to)),
+        degrees(directions, &without(to, from))
+    )
 }
 
-fn degrees(ring: Ring, beams: &[u16]) -> String {
-    let degrees: Vec<String> = beams.iter().map(|beam| format!("{}\u{b0}", ring.angle_deg(*beam))).collect();
+fn degrees(directions: &Directions, beams: &[u16]) -> String {
+    let degrees: Vec<String> = directions.all(beams).iter().map(|angles| format!("{angles}\u{b0}")).collect();
     degrees.join(" ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stillpoint_plan::beams::Ring;
 
     /// Solves of these sets, each from one of the sets before it.
     fn history(ring: Ring, solves: &[(&[u16], Option<usize>, f64)]) -> Vec<Progress> {
@@ -172,7 +179,7 @@ mod tests {
         let nodes = nodes(3, &history);
         let reported: Vec<_> = nodes.iter().map(|node| (node.solve, node.parent, node.below)).collect();
         assert_eq!(reported, [(0, None, 5), (2, Some(0), 2), (3, Some(0), 0), (5, Some(1), 0), (6, None, 0)]);
-        let svg = drawing(ring, 3, &history).unwrap();
+        let svg = drawing(&ring.into(), 3, &history).unwrap();
         for text in [
             "bold\">0\u{b0} 80\u{b0} 160\u{b0}<",
             "bold\">0\u{b0} \u{2192} 40\u{b0}<",
@@ -188,8 +195,11 @@ mod tests {
     #[test]
     fn sets_of_which_none_was_solved_from_another_are_no_tree() {
         let ring = Ring::new(90, 5).unwrap();
-        assert_eq!(drawing(ring, 2, &history(ring, &[(&[0, 20], None, 9.0), (&[5, 30], None, 8.0)])), None);
-        assert_eq!(drawing(ring, 2, &[]), None);
+        assert_eq!(
+            drawing(&ring.into(), 2, &history(ring, &[(&[0, 20], None, 9.0), (&[5, 30], None, 8.0)])),
+            None
+        );
+        assert_eq!(drawing(&ring.into(), 2, &[]), None);
     }
 
     #[test]
@@ -203,7 +213,7 @@ mod tests {
             .enumerate()
             .map(|(i, set)| (&set[..], (i % 3 > 0).then_some(i - i % 3), 1000.0 - i as f64))
             .collect();
-        let svg = drawing(ring, 2, &history(ring, &solves)).unwrap();
+        let svg = drawing(&ring.into(), 2, &history(ring, &solves)).unwrap();
         // Too many have as many solves below: only the way to the best is left.
         assert_eq!(svg.matches("<rect").count(), 1 + 2);
         assert!(svg.contains("and 89 sets with fewer solves") && svg.contains("the best"), "{svg}");

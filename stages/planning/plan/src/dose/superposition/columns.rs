@@ -12,6 +12,7 @@ use super::pencil::ScatterPencil;
 use super::primary::REACH_MM;
 use super::scatter;
 use super::section::Superposition;
+use crate::dose::angles::BeamAngles;
 use crate::dose::beam::{Aim, BeamRows, OBLIQUE};
 use crate::dose::engine::DoseEngine;
 use crate::dose::error::DoseError;
@@ -23,10 +24,10 @@ const WIDTHS: usize = 8;
 /// Dose of the bixels of one beam.
 pub(in crate::dose) fn influence(
     engine: &DoseEngine,
-    gantry_deg: f64,
+    angles: BeamAngles,
     section: &Superposition,
 ) -> Result<BeamRows, DoseError> {
-    let aim = Aim::new(engine, gantry_deg)?;
+    let aim = Aim::new(engine, angles)?;
     let bixels: Vec<([f64; 2], f32)> = aim.bixels_with_fluence(engine);
     let shape = BixelShape::new(engine.params.bixels.width_mm, engine.machine.file().penumbra_fwhm_at_iso_mm);
     let map = FluenceMap::new(&bixels, &shape);
@@ -48,10 +49,10 @@ pub(in crate::dose) fn influence(
         let row = engine.row_of(voxel.voxel) as usize;
         let of_row =
             entries.add(engine, section, (voxel, row, open[row]), (&bixels, &filer, &primary, &pencil));
-        of_row.map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
+        of_row.map_err(|fault| DoseError::Rows { angles, fault })?;
     }
-    let dose = entries.rows.finish(engine.rows()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
-    Ok(BeamRows { gantry_deg, bixels_mm: aim.bixels_mm, dose })
+    let dose = entries.rows.finish(engine.rows()).map_err(|fault| DoseError::Rows { angles, fault })?;
+    Ok(BeamRows { angles, bixels_mm: aim.bixels_mm, dose })
 }
 
 /// Where a voxel is seen between the nodes, and its TERMA.

@@ -75,7 +75,7 @@ impl<'a> SideBySide<'a> {
             rows.push((name.to_owned(), [of(&self.plans[0]), of(&self.plans[1])]));
         };
         row("file", &|p| p.path.display().to_string());
-        row("beams", &|p| angles(&p.file.angles_deg()));
+        row("beams", &|p| angles(&p.file.angles()));
         row("method", &|p| p.file.method.to_string());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
         row("dose engine", &|p| p.file.dose.engine.to_string());

@@ -2,6 +2,7 @@
 
 use stillpoint_plan::Setups;
 use stillpoint_plan::beams::Influence;
+use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::fluence::{Options, solve_plan};
 use stillpoint_report::page::{Block, Cell, Table};
 
@@ -18,7 +19,12 @@ const ACCURACY: Options = Options { tolerance: 1e-3, ..Options::DEFAULT };
 pub fn blocks(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Vec<Block>, Failure> {
     let best = &outcome.run.choice.best;
     let whole: f64 = best.plan.weights.iter().sum();
-    let mut columns = vec!["gantry, degrees", "share of the fluence", "objective without it"];
+    let is_coplanar = outcome.angles.iter().all(BeamAngles::is_coplanar);
+    let mut columns = vec![
+        if is_coplanar { "gantry, degrees" } else { "gantry@couch, degrees" },
+        "share of the fluence",
+        "objective without it",
+    ];
     if outcome.leaves.is_some() {
         columns.extend(["segments", "monitor units"]);
     }
@@ -33,9 +39,9 @@ pub fn blocks(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> 
             Some(cost) => format!("+{:.0} %", 100.0 * (cost / best.solved_cost() - 1.0)),
             None => "-".to_owned(),
         };
-        let angle = request.setup.spec.ring.angle_deg(*beam);
+        let angles = request.setup.directions.angles(*beam);
         let mut cells = vec![
-            Cell::number(format!("{angle}")),
+            Cell::number(angles.to_string()),
             Cell::Bar(share, format!("{:.1} %", 100.0 * share)),
             Cell::number(without),
         ];
@@ -57,8 +63,13 @@ pub fn blocks(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> 
             width_mm: request.setup.spec.bixel_mm,
             most,
         };
+        let couch = match angles.is_coplanar() {
+            true => String::new(),
+            false => format!(", couch {} degrees", angles.couch_deg),
+        };
         let caption = format!(
-            "Gantry {angle} degrees, seen from the source: x of the beam to the right, the gantry up."
+            "Gantry {} degrees{couch}, seen from the source: x of the beam to the right, the gantry up.",
+            angles.gantry_deg
         );
         blocks.push(Block::Drawing(eye::draw(&eye), caption));
     }

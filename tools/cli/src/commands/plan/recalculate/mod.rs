@@ -25,9 +25,9 @@ use treatment::Treatment;
 
 /// Compute the dose of an RTPLAN that any program wrote, on a case.
 ///
-/// Fields of jaws and leaves (MLCX or MLCY), step and shoot, sliding windows and arcs are read, with any collimator angle. What
+/// Fields of jaws and leaves (MLCX or MLCY), step and shoot, sliding windows and arcs are read, with any collimator and couch angle. What
 /// moves between control points is divided until no leaf moves by more than 2.5 mm and no gantry turns by more than 2 degrees.
-/// Wedges, blocks, compensators, boluses and couch angles are refused. With --dose the figures of the other program's dose
+/// Wedges, blocks, compensators, boluses and table tops that are tilted are refused. With --dose the figures of the other program's dose
 /// are printed, too, with the gamma index at 3 % of its largest dose and 3 mm. Monitor units count as the machine file says: the
 /// factor between the two doses is printed. The output is a folder with recalculated.json and
 /// recalculated.svg. No dose of this command may be used to treat a patient.

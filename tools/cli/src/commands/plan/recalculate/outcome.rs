@@ -103,12 +103,17 @@ impl<'a> Outcome<'a> {
     pub fn reported(&self) -> Value {
         let plan = &self.treatment.plan;
         let beam = |beam: &stillpoint_dicom::TreatmentBeam| {
-            json!({
+            let mut reported = json!({
                 "name": beam.name,
                 "gantry_deg": [beam.points.first().map(|p| p.gantry_deg), beam.points.last().map(|p| p.gantry_deg)],
                 "control_points": beam.points.len(),
                 "monitor_units": beam.monitor_units,
-            })
+            });
+            if beam.points.iter().any(|point| point.couch_deg != 0.0) {
+                let ends = [beam.points.first(), beam.points.last()];
+                reported["couch_deg"] = json!(ends.map(|point| point.map(|p| p.couch_deg)));
+            }
+            reported
         };
         let other = self.other.as_ref().map(|other| {
             json!({

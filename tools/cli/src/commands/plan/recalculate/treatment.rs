@@ -41,8 +41,6 @@ pub enum TreatmentError {
         "beam {name:?} has its source at {found} mm, and the machine at {machine} mm: give the machine file by --machine"
     )]
     Distance { name: String, found: f64, machine: f64 },
-    #[error("beam {name:?} has the couch angle {found} degrees: couch angles are not computed")]
-    Couch { name: String, found: f64 },
     #[error("beam {name:?} has a field that reaches more than {MOST_MM} mm from the axis")]
     Field { name: String },
     #[error("{0} directions, more than {MOST_DIRECTIONS}: split the plan")]
@@ -112,14 +110,7 @@ fn suits(beam: &TreatmentBeam, energy_mv: f64, source_axis_mm: f64) -> Result<()
     if let Some(found) = beam.source_axis_mm.filter(|found| (found - source_axis_mm).abs() > DISTANCE_MM) {
         return Err(TreatmentError::Distance { name: name(), found, machine: source_axis_mm });
     }
-    let is_turned = |point: &&ControlPoint| {
-        let angle = point.couch_deg.rem_euclid(360.0);
-        angle.min(360.0 - angle) > 0.05
-    };
-    match beam.points.iter().find(is_turned) {
-        Some(point) => Err(TreatmentError::Couch { name: name(), found: point.couch_deg }),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 fn aperture(point: &ControlPoint) -> Aperture {
@@ -127,6 +118,7 @@ fn aperture(point: &ControlPoint) -> Aperture {
         given: point.given,
         gantry_deg: point.gantry_deg,
         collimator_deg: point.collimator_deg,
+        couch_deg: point.couch_deg,
         jaws_mm: point.jaws_mm,
         tips_mm: point.tips_mm.clone(),
     }
