@@ -1,6 +1,7 @@
 """Topics as arrays and frames."""
 
 import csv
+import os
 import subprocess
 import sys
 
@@ -101,29 +102,43 @@ def test_what_is_not_there_is_an_error_with_what_is_there(session, tmp_path):
         session["filter.state"].type.field("nothing")
 
 
+def damaged(whole: bytes, trial: int, random: np.random.Generator) -> bytes:
+    """A file that was cut, with a flipped bit, with bytes of nothing, or with a part of it twice: in turn."""
+    at = int(random.integers(8, len(whole)))
+    length = int(random.integers(1, 400))
+    match trial % 4:
+        case 0:
+            return whole[:at]
+        case 1:
+            return whole[:at] + bytes([whole[at] ^ 1 << int(random.integers(8))]) + whole[at + 1 :]
+        case 2:
+            return whole[:at] + random.bytes(length) + whole[at + length :]
+        case _:
+            return whole[:at] + whole[max(8, at - length) : at] + whole[at:]
+
+
 def test_damaged_files_are_errors_or_sessions_with_gaps(recorded, tmp_path):
-    """Cuts and flipped bytes at 100 places: a session opens with gaps, or is refused; the process goes on."""
+    """A session opens, with gaps where it lacks something, or is refused; the process goes on.
+
+    100 files, and as many as `STILLPOINT_BROKEN` says where it is set.
+    """
     (part,) = recorded.glob("*.mcap")
     whole = part.read_bytes()
     random = np.random.default_rng(1)
+    trials = int(os.environ.get("STILLPOINT_BROKEN", "100"))
     opened = refused = 0
-    for trial in range(100):
-        bytes_ = bytearray(whole)
-        at = int(random.integers(8, len(whole)))
-        if trial % 2:
-            bytes_ = bytes_[:at]
-        else:
-            bytes_[at] ^= 1 << int(random.integers(8))
+    for trial in range(trials):
         file = tmp_path / "broken.mcap"
-        file.write_bytes(bytes_)
+        file.write_bytes(damaged(whole, trial, random))
         try:
             found = st.Session(file)
             for topic in found.values():
                 topic.array()
+            found["filter.state"].frame()
             opened += 1
-        except st.StillpointError:
+        except (st.StillpointError, KeyError):
             refused += 1
-    assert opened + refused == 100 and opened > 20
+    assert opened + refused == trials and opened > trials // 5
 
 
 def test_reading_needs_numpy_alone(recorded):
