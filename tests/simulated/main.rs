@@ -37,6 +37,7 @@ mod script;
 mod seams;
 mod settings;
 mod starting;
+mod three_cameras;
 
 use std::path::PathBuf;
 

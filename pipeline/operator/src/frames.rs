@@ -111,6 +111,26 @@ impl Frames {
         (root_a == root_b).then(|| b.inverse().after(&a))
     }
 
+    /// The placed frames on the path between two frames: those whose places the transform between them is made of.
+    pub fn between<'a>(&'a self, a: &'a str, b: &'a str) -> Vec<&'a str> {
+        let (up, down) = (self.placed_above(a), self.placed_above(b));
+        let only = |of: &[&'a str], not: &[&str]| -> Vec<&'a str> {
+            of.iter().copied().filter(|name| !not.contains(name)).collect()
+        };
+        [only(&up, &down), only(&down, &up)].concat()
+    }
+
+    /// A frame and those that it hangs on, without the root.
+    fn placed_above<'a>(&'a self, name: &'a str) -> Vec<&'a str> {
+        let mut found = Vec::new();
+        let mut at = name;
+        while let Some(frame) = self.placed.get(at).filter(|_| found.len() < self.placed.len()) {
+            found.push(at);
+            at = &frame.parent;
+        }
+        found
+    }
+
     /// Root of a frame and `root_from_frame`. `None` where parents run in a circle.
     fn to_root<'a>(&'a self, name: &'a str) -> Option<(&'a str, Rigid)> {
         let (mut at, mut sum) = (name, Rigid::IDENTITY);
@@ -149,5 +169,23 @@ mod tests {
             assert!((a - b).abs() < 1e-15);
         }
         assert!(frames.transform("camera", "elsewhere").is_none());
+    }
+
+    #[test]
+    fn the_path_between_two_frames_has_each_placed_frame_of_it() {
+        let mut frames = Frames::default();
+        for (name, parent) in [("camera", "arm"), ("arm", "room"), ("couch", "room"), ("head", "couch")] {
+            let frame = Frame {
+                parent: parent.into(),
+                parent_from_frame: Rigid::IDENTITY,
+                measured: None,
+                residual: None,
+            };
+            frames.placed.insert(name.into(), frame);
+        }
+        assert_eq!(frames.between("camera", "couch"), ["camera", "arm", "couch"]);
+        assert_eq!(frames.between("head", "couch"), ["head"]);
+        assert_eq!(frames.between("couch", "camera"), ["couch", "camera", "arm"]);
+        assert_eq!(frames.between("couch", "couch"), [""; 0]);
     }
 }

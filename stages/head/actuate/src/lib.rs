@@ -31,7 +31,6 @@ mod answer;
 pub mod datagram;
 mod drift;
 mod drive;
-mod extrinsic;
 mod face_watch;
 mod far_end;
 pub mod far_watch;

@@ -11,8 +11,10 @@
 //! - [`checks`]: what may be wrong with a cloud or an image, whoever reads it.
 //! - [`rvl`]: a compression of depth images.
 //! - [`bag`]: recordings of ROS 2, and which of their messages are read.
+//! - [`merge`]: the clouds of several cameras as one.
 //! - [`wire`]: messages of ROS 2 as they arrive: which are taken, and why the others are refused.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap` and `ingest.ros2`.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap`, `ingest.ros2` and
+//!   `ingest.merge`.
 
 pub mod bag;
 pub mod camera_info;
@@ -20,6 +22,7 @@ pub mod checks;
 pub mod depth;
 pub mod depth_message;
 pub mod grey;
+pub mod merge;
 pub mod operators;
 pub mod pcd;
 pub mod ply;
@@ -40,4 +43,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operators::IngestGrey>(),
     Stage::of::<operators::IngestMcap>(),
     Stage::of::<operators::IngestRos2>(),
+    Stage::of::<operators::IngestMerge>(),
 ];

@@ -153,7 +153,8 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
                     let identity = identity.insert(unproven.unwrap_or_else(|| Identity::new(surface, false)));
                     let checked = now();
                     let (alignment, motion) = (&pose.alignment, &pose.current_from_reference);
-                    let frame = identity::SeenFrame { cloud: &head, alignment, motion, time: stamp };
+                    let frame =
+                        identity::SeenFrame { cloud: &head, alignment, motion, time: stamp, cameras: 0 };
                     black_box(identity.judge(surface, &frame, &NEEDED));
                     spent[STEPS - 1] = now() - checked;
                 }

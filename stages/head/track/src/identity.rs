@@ -71,6 +71,8 @@ pub struct SeenFrame<'a> {
     pub motion: &'a Isometry3<f64>,
     /// When it was acquired, ns.
     pub time: u64,
+    /// The cameras whose clouds it is of, a bit each; 0 where that is not known.
+    pub cameras: u32,
 }
 
 /// What a pose needs.
@@ -106,6 +108,34 @@ impl Judged {
     }
 }
 
+/// Sets of cameras whose densities are measured apart: those of the first four.
+const CAMERA_SETS: usize = 16;
+
+/// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
+#[derive(Debug, Clone, Copy, Default)]
+struct Density {
+    mean: f64,
+    frames: u32,
+}
+
+impl Density {
+    fn add(&mut self, density: f64) {
+        if self.frames < FIRST && density.is_finite() {
+            self.frames += 1;
+            self.mean += (density - self.mean) / f64::from(self.frames);
+        }
+    }
+
+    /// The certainty that no part of the captured surface is gone.
+    fn complete(&self, density: f64) -> f64 {
+        if self.frames == 0 {
+            return 1.0;
+        }
+        let certainty = 0.5 + 0.5 * (density / self.mean - DENSITY) / DENSITY_RANGE;
+        if certainty.is_finite() { certainty.clamp(0.0, 1.0) } else { 0.0 }
+    }
+}
+
 /// Watches what is followed, from a capture on.
 #[derive(Debug, Clone)]
 pub struct Identity {
@@ -121,9 +151,8 @@ pub struct Identity {
     most: f64,
     /// Whether the patches were once seen not to move alike: a mask over a face.
     is_mixed: bool,
-    /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
-    density: f64,
-    dense_frames: u32,
+    /// Of each set of cameras: one that is left out takes its points with it.
+    densities: [Density; CAMERA_SETS],
     /// A table of movements lies on the surface.
     has_face: bool,
     /// Since when the face moves, ns.
@@ -148,8 +177,7 @@ impl Identity {
             moved: 0.0,
             most: 0.0,
             is_mixed: false,
-            density: 0.0,
-            dense_frames: 0,
+            densities: [Density::default(); CAMERA_SETS],
             face: None,
             moved_face: None,
             apart: Vec::with_capacity(APART_FRAMES),
@@ -169,6 +197,7 @@ impl Identity {
     /// Judges a frame that has a pose.
     pub fn judge(&mut self, surface: &Surface, frame: &SeenFrame<'_>, needed: &Needed) -> Judged {
         let SeenFrame { cloud, alignment, motion, .. } = *frame;
+        let set = frame.cameras as usize % CAMERA_SETS;
         let tolerance = needed.tolerance;
         let middle = surface.centroid();
         let noise = surface.noise_sd();
@@ -182,7 +211,7 @@ impl Identity {
         let size = if seen.scale.is_nan() { 0.0 } else { (seen.scale - 1.0).abs() };
         certainty[IdentityPart::Size as usize] = below(size, SIZE);
         let overlap = (0.5 + (alignment.overlap - needed.overlap) / (2.0 * OVERLAP)).clamp(0.0, 1.0);
-        certainty[IdentityPart::Overlap as usize] = overlap.min(self.complete(seen.density));
+        certainty[IdentityPart::Overlap as usize] = overlap.min(self.densities[set].complete(seen.density));
         certainty[IdentityPart::Residual as usize] =
             below(alignment.sd, (RESIDUAL * noise).max(RESIDUAL_LEAST));
         certainty[IdentityPart::Region as usize] =
@@ -207,9 +236,8 @@ impl Identity {
             && quarter >= ENOUGH
             && !IdentityPart::ALL.iter().any(|(_, part)| others(*part));
         let judged = Judged { certainty, agreement: seen, faces, explained };
-        if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
-            self.dense_frames += 1;
-            self.density += (seen.density - self.density) / f64::from(self.dense_frames);
+        if judged.confidence() >= ENOUGH {
+            self.densities[set].add(seen.density);
         }
         self.prove(&judged, frame.time);
         judged
@@ -231,23 +259,13 @@ impl Identity {
     /// Notes that the surface has been fitted to more frames. Its patches are others, so their density is measured
     /// anew, and movements of its pieces count from now on.
     pub fn refine(&mut self, surface: &Surface) {
-        self.density = 0.0;
-        self.dense_frames = 0;
+        self.densities = [Density::default(); CAMERA_SETS];
         self.pieces = Pieces::of(surface);
         self.has_face = surface.has_face();
         self.apart.clear();
         if self.proof != Proof::Waiting {
             self.pieces.settle();
         }
-    }
-
-    /// The certainty that no part of the captured surface is gone.
-    fn complete(&self, density: f64) -> f64 {
-        if self.dense_frames == 0 {
-            return 1.0;
-        }
-        let certainty = 0.5 + 0.5 * (density / self.density - DENSITY) / DENSITY_RANGE;
-        if certainty.is_finite() { certainty.clamp(0.0, 1.0) } else { 0.0 }
     }
 
     fn prove(&mut self, judged: &Judged, time: u64) {

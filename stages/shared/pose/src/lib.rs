@@ -1,11 +1,13 @@
 //! Poses in samples and frames, as transforms, and as six numbers: the conversions that all stages share.
 //!
 //! - [`PoseNumbers`]: position, pitch, roll and yaw of a transform
+//! - [`extrinsic`]: whether the measured place of a camera can be trusted
 //! - the functions here: from samples and frames to transforms, and back. Positions are in metres, quaternions are
 //!   `[w, x, y, z]`.
 
 #![forbid(unsafe_code)]
 
+pub mod extrinsic;
 mod numbers;
 
 pub use numbers::PoseNumbers;

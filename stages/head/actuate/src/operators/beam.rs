@@ -15,12 +15,12 @@ use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
 use crate::datagram::{self, LONGEST};
 use crate::drift::{Drift, DriftLimits};
-use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 use crate::lease::{Lease, LeaseRules};
 use crate::message::{Order, Receiving, Safe};
 use crate::plan_watch::PlanWatch;
 use crate::pose_watch::PoseWatch;
 use crate::sender::Sender;
+use stillpoint_pose::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 
 const STATE: usize = 0;
 const TARGET: usize = 1;

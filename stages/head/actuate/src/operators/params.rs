@@ -3,10 +3,10 @@
 use stillpoint_operator::SetupError;
 use stillpoint_operator::{Params, Setup};
 
-use crate::extrinsic::{Extrinsic, ExtrinsicParams};
 use crate::key::Key;
 use crate::message::LONGEST_LIFE;
 use crate::pose_watch::PoseWatch;
+use stillpoint_pose::extrinsic::{Extrinsic, ExtrinsicParams};
 
 /// Frame periods after which a pose is stale.
 const PERIODS: u64 = 3;

@@ -15,13 +15,13 @@ use super::watch::{ACKNOWLEDGEMENT, COMMAND, CONTACTS, MEASURED, REFERENCE, STAT
 use crate::answer::{AnswerParams, AnswerWatch, Answered};
 use crate::datagram::{self, LONGEST};
 use crate::drive::{Drive, Driven};
-use crate::extrinsic::{ExtrinsicParams, Need};
 use crate::far_watch::{FarWatch, FarWatchParams};
 use crate::machine::{Machine, Rules};
 use crate::message::{Order, Receiving, Safe};
 use crate::pressure::{PressureEstimator, PressureParams};
 use crate::sender::Sender;
 use crate::shaping::{Bounds, Shaped, Shaper};
+use stillpoint_pose::extrinsic::{ExtrinsicParams, Need};
 
 const DATAGRAM: usize = 0;
 const ACTUATION: usize = 1;

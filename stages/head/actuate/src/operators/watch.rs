@@ -6,11 +6,11 @@ use stillpoint_samples::{
     Track, Verb,
 };
 
-use crate::extrinsic::{Extrinsic, Need};
 use crate::face_watch::FaceWatch;
 use crate::machine::{Asked, Seen};
 use crate::message::VALVES;
 use crate::pose_watch::PoseWatch;
+use stillpoint_pose::extrinsic::{Extrinsic, Need};
 
 pub const COMMAND: usize = 0;
 pub const STATE: usize = 1;

@@ -6,6 +6,7 @@
 //! - `ply`: `ingest.ply`, the vertices of PLY files to clouds
 //! - `mcap`: `ingest.mcap`, the clouds or depth images of an MCAP recording
 //! - `ros2`: `ingest.ros2`, the clouds or depth images of a topic of ROS 2
+//! - `merge`: `ingest.merge`, the clouds of several cameras to one
 //! - `recording`: the messages of a recording, played as clouds
 //! - `messages`: clouds out of messages of ROS 2
 //! - `files`: the files of a recording, named by a parameter
@@ -18,6 +19,7 @@ mod depth;
 mod files;
 mod grey;
 mod mcap;
+mod merge;
 mod messages;
 mod pcd;
 mod playback;
@@ -31,6 +33,7 @@ mod unit;
 pub use depth::{CameraParams, DepthParams, IngestDepth};
 pub use grey::{GreyParams, IngestGrey};
 pub use mcap::{IngestMcap, McapParams};
+pub use merge::{IngestMerge, MergeParams};
 pub use messages::{Camera, Cameras, CamerasError, MessageError};
 pub use pcd::{IngestPcd, PcdParams};
 pub use playback::Pace;

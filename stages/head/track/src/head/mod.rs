@@ -2,9 +2,11 @@
 //!
 //! - `params`: what the config may say
 //! - `operator`: ports and steps
+//! - `camera_sets`: which cameras the newest frames are of
 //! - `pieces`: the pieces of the reference in each frame
 //! - `report`: the report on each frame
 
+mod camera_sets;
 mod operator;
 mod params;
 mod pieces;

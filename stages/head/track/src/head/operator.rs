@@ -5,10 +5,11 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_patient::outline::read_surface;
 use stillpoint_samples::{
-    CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
+    CloudShape, ConsoleCommand, Health, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
     PoseStatus, Proof, Rejection, Sample, SurfacePieces, Verb,
 };
 
+use super::camera_sets::CameraSets;
 use super::params::{
     CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams, SendPieces,
     SoftTissue,
@@ -29,6 +30,7 @@ const COMMAND: usize = 1;
 const REJECTION: usize = 2;
 const CONFIRM: usize = 3;
 const FRAME: usize = 4;
+const CAMERAS: usize = 5;
 const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
@@ -82,6 +84,8 @@ pub struct TrackHead {
     before: Vec<Vector3<f64>>,
     /// The points of a whole frame that lie where the head is expected.
     near: Vec<Vector3<f64>>,
+    /// The cameras of the newest frames.
+    cameras: CameraSets,
     /// When the head was last cut out and had a pose, ns.
     cut_out: Option<u64>,
     /// What was found in the frame before, against the reference that there is.
@@ -152,6 +156,13 @@ impl Operator for TrackHead {
                 policy: Policy::Latest,
                 required: false,
                 about: "The points of the whole frame, in the frame of `face`. If it is connected, a head that is not cut out, behind an arm for example, is followed where it is expected.",
+            },
+            Input {
+                name: "cameras",
+                sample: Health::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "Which cameras each frame is of, from `ingest.merge`: a camera that is left out takes its points with it, and that is no reason to doubt the rest.",
             },
         ],
         outputs: &[
@@ -260,6 +271,7 @@ impl Operator for TrackHead {
             cloud: Vec::new(),
             before: Vec::new(),
             near: Vec::new(),
+            cameras: CameraSets::default(),
             cut_out: None,
             found: None,
         })
@@ -270,6 +282,9 @@ impl Operator for TrackHead {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if let Some(cameras) = activation.fresh::<Health>(CAMERAS) {
+            self.cameras.note(cameras.header.origin, cameras.elements);
+        }
         if let Some(command) = activation.fresh::<ConsoleCommand>(COMMAND)
             && command.first().is_some_and(|c| c.verb == Verb::Capture as u32)
         {
@@ -541,6 +556,7 @@ impl TrackHead {
             alignment: &tracked.alignment,
             motion: &tracked.current_from_reference,
             time,
+            cameras: self.cameras.of(time),
         };
         let may_hide = cut == Cut::Expected;
         let part = if may_hide { FOLLOWED_OVERLAP } else { 1.0 };
