@@ -14,7 +14,7 @@
 //! - `answer`: whether the head goes where it is told
 //! - [`far_watch`]: whether orders arrive at the far end
 //! - `drive`, of `shaping` and [`pressure`]: bounds and growth of duties; pressures estimated from them
-//! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
+//! - [`pose_watch`]: whether a pose can be trusted (cameras: `stillpoint_pose::extrinsic`)
 //! - `face_watch`: whether a face that moves explains why there is no fresh pose
 //! - `plan_watch`: whether the standing plan holds in the requested set-up
 //! - `drift`: whether a head slides in a channel that its target does not hold

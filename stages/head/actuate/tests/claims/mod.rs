@@ -1,6 +1,7 @@
 mod acknowledged;
 mod bench;
 mod broken;
+mod c_far_end;
 mod codec;
 mod far_end;
 mod keys;
