@@ -180,6 +180,7 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         // A graph lays the sample out as its producer does.
         capacities: |_| vec![1, METRICS],
         subscriptions: |_| Vec::new(),
+        listens: |_| None,
         finishes: |_| false,
         build: |_, setup| Ok::<_, SetupError>(Box::new(FarEnd::new(setup))),
     }

@@ -9,7 +9,7 @@ use stillpoint_recorder::RosMessage;
 
 use crate::frames::Frames;
 use crate::operator::ros2::Subscription;
-use crate::operator::{Policy, Stage, TIMING, WireForm};
+use crate::operator::{Listening, Policy, Stage, TIMING, WireForm};
 use crate::params::CheckedParams;
 
 /// A checked pipeline.
@@ -116,6 +116,8 @@ pub struct OperatorNode {
     pub wire_form: Option<WireForm>,
     /// The topics of ROS 2 that it takes in a live run.
     pub subscriptions: Vec<Subscription>,
+    /// Where it listens for another program in a live run.
+    pub listens: Option<Listening>,
     /// Files and folders that its params name, relative to the pipeline's file.
     pub files: Vec<String>,
 }

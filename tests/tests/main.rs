@@ -7,6 +7,7 @@
 //! - `conformance`: the two equalities, for every pipeline
 //! - `live`: failures in a live run
 //! - `laps`: what a live run measures, and nothing depends on
+//! - `driver`: drivers of cameras in C, C++ and Python
 //! - `ending`: how runs end
 //! - `safety_case`: the tests that the safety case names are there
 //! - `releases`: sessions of every release
@@ -45,6 +46,7 @@ mod conformance;
 mod contracts;
 mod controllers;
 mod damaged;
+mod driver;
 mod ending;
 mod guide;
 mod hung;

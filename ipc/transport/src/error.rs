@@ -17,6 +17,16 @@ pub enum TransportError {
         /// What the system says.
         reason: String,
     },
+    /// No socket can be had at the path.
+    #[error(
+        "no program can be listened to at {path}: {reason}; name another path, or end the program that listens there"
+    )]
+    Socket {
+        /// Path of the socket.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
     /// A socket cannot be had.
     #[error("the link to {address} cannot be opened: {reason}")]
     Open {

@@ -6,6 +6,7 @@
 //!
 //! - `channel`: what goes over a link
 //! - `datagrams`: one UDP datagram per sample, the payload alone
+//! - `stream`: messages of another program on this host, over a socket of the Unix domain
 //! - `conformance`: the test body that every transport has to pass
 //! - `error`: why an end cannot be opened or a sample not be sent
 
@@ -16,10 +17,12 @@ mod channel;
 pub mod conformance;
 mod datagrams;
 mod error;
+mod stream;
 
 pub use channel::Channel;
 pub use datagrams::Datagrams;
 pub use error::{LinkRefusal, TransportError};
+pub use stream::StreamReceiver;
 
 use std::net::SocketAddr;
 

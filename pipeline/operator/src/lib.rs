@@ -30,6 +30,7 @@ mod feeder;
 pub mod files;
 pub mod frames;
 mod kind;
+mod listening;
 mod operator;
 pub mod outputs;
 pub mod outside;
@@ -46,6 +47,7 @@ pub use error::{AdoptError, DescribeError, ParamConflict, SetupError, StepError}
 pub use feeder::{Feeder, FeederConflict};
 pub use files::{Files, FilesError};
 pub use kind::{FrameRule, Input, Kind, Output, Policy, Role, TIMING, Timer};
+pub use listening::Listening;
 pub use operator::{ErasedOperator, Operator};
 pub use outputs::Outputs;
 pub use params::{Choice, Params};

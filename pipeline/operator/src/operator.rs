@@ -7,6 +7,7 @@ use crate::error::{AdoptError, ParamConflict, SetupError, StepError};
 use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::Kind;
+use crate::listening::Listening;
 use crate::outputs::Outputs;
 use crate::params::{CheckedParams, Params};
 use crate::ros2::Subscription;
@@ -85,6 +86,11 @@ pub trait Operator: Sized + Send + 'static {
     /// the operator sends one sample on its last output, by which the ledger counts them.
     fn subscriptions(_params: &Self::Params) -> Vec<Subscription> {
         Vec::new()
+    }
+
+    /// Where a source listens for another program in a live run; `None` for all others.
+    fn listens(_params: &Self::Params) -> Option<Listening> {
+        None
     }
 
     /// Whether a source finishes by itself ([`Outputs::finish`]) with these parameters, as one that reads files and stops at

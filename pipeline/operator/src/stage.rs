@@ -11,6 +11,7 @@ use crate::error::{DescribeError, ParamConflict, SetupError};
 use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::{FrameRule, Input, Kind, Output, Policy, check_names};
+use crate::listening::Listening;
 use crate::operator::{ErasedOperator, Operator};
 use crate::params::{CheckedParams, ParamField, ParamReader, Params, has_live};
 use crate::ros2::Subscription;
@@ -58,6 +59,8 @@ pub struct Stage {
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// The topics of ROS 2 that a source takes.
     pub subscriptions: fn(&CheckedParams) -> Vec<Subscription>,
+    /// Where a source listens for another program in a live run.
+    pub listens: fn(&CheckedParams) -> Option<Listening>,
     /// Whether a source finishes by itself.
     pub finishes: fn(&CheckedParams) -> bool,
     /// Makes the operator.
@@ -165,6 +168,7 @@ impl Stage {
             subscriptions: |checked| {
                 typed::<T>(&checked.value).map(|p| T::subscriptions(&p)).unwrap_or_default()
             },
+            listens: |checked| typed::<T>(&checked.value).and_then(|p| T::listens(&p)),
             finishes: |checked| typed::<T>(&checked.value).is_some_and(|p| T::finishes(&p)),
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {

@@ -231,6 +231,7 @@ pub fn graph(
         let params = params?;
         let capacities = (stage.capacities)(&params);
         let subscriptions = (stage.subscriptions)(&params);
+        let listens = (stage.listens)(&params);
         let inputs =
             wired[*old].inputs.iter().zip(&policies[*old]).map(|(input, (policy, leader))| InputNode {
                 edge: input.edge.map(|e| Edge { operator: place[e.operator], ..e }),
@@ -263,6 +264,7 @@ pub fn graph(
             far_end: parsed.link,
             wire_form: None,
             subscriptions,
+            listens,
         });
     }
     let pools = find_pools(&mut operators);

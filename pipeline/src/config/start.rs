@@ -46,6 +46,7 @@ fn scalars(node: &Node, found: &mut Vec<(String, Span)>) {
 pub fn check(graph: &Graph, places: &[Places], files: &dyn Files, findings: &Findings) {
     // What an operator prints when it is made does not belong to the output of the command.
     let _aside = StdoutRedirect::to_stderr();
+    one_listener_each(graph, places, findings);
     for node in &graph.operators {
         let Err(reason) = build_step(graph, node, files, outside(node)) else { continue };
         let reason = reason.to_string();
@@ -64,9 +65,27 @@ pub fn check(graph: &Graph, places: &[Places], files: &dyn Files, findings: &Fin
     }
 }
 
-/// What reaches an operator. One that takes messages of ROS 2 and names no recording runs live alone, and starts as it does there.
+/// Finds sockets at which two operators listen.
+fn one_listener_each(graph: &Graph, places: &[Places], findings: &Findings) {
+    let mut known = std::collections::BTreeMap::new();
+    for node in &graph.operators {
+        let Some(listening) = &node.listens else { continue };
+        if let Some(other) = known.insert(&listening.socket, &node.name) {
+            let place = places.iter().find(|places| places.operator == node.name);
+            findings.say(
+                place.map(|places| places.name).unwrap_or_default(),
+                Code::DuplicateName,
+                format!("`{other}` and `{}` listen at the same socket, {}", node.name, listening.socket),
+                "give each a socket of its own",
+            );
+        }
+    }
+}
+
+/// What reaches an operator. One that takes messages of ROS 2 or of another program, and names no recording, runs live alone, and starts as it does there.
 fn outside(node: &OperatorNode) -> Outside {
-    let is_live_alone = !node.subscriptions.is_empty() && node.files.is_empty();
+    let takes_messages = !node.subscriptions.is_empty() || node.listens.is_some();
+    let is_live_alone = takes_messages && node.files.is_empty();
     Outside { arrivals: is_live_alone.then(|| Arrivals::at_most(1)), ..Outside::default() }
 }
 

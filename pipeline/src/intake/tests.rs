@@ -42,6 +42,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
         far_end: None,
         wire_form: None,
         subscriptions: Vec::new(),
+        listens: None,
         files: Vec::new(),
         every,
         latency: 0,

@@ -4,14 +4,16 @@ use std::time::Instant;
 
 use stillpoint_samples::Pieces;
 use stillpoint_shm::{Domain, ShmError};
-use stillpoint_transport::{Channel, Datagrams, LinkRefusal, LinkState, Sender, Transport, TransportError};
+use stillpoint_transport::{
+    Channel, Datagrams, LinkRefusal, LinkState, Sender, StreamReceiver, Transport, TransportError,
+};
 
 use super::contracts;
 use super::error::WorkerError;
 use super::landing::{Inflow, Landing};
 use super::rate_limit::RateLimit;
 use crate::graph::{Graph, OperatorNode, Wire};
-use crate::operator::WireForm;
+use crate::operator::{Listening, WireForm};
 use crate::outside::{Arrivals, MOST_DATAGRAMS};
 use crate::{far_end, pool_client};
 
@@ -70,6 +72,9 @@ impl LinkReceiver {
         transport_of: TransportOf,
     ) -> Result<Option<Self>, WorkerError> {
         let node = &graph.operators[operator];
+        if let Some(listening) = &node.listens {
+            return Self::of_program(node, listening).map(Some);
+        }
         let Some(wire) = node.far_end else { return Ok(None) };
         let receiver = match transport_of(wire) {
             Some(transport) => {
@@ -94,6 +99,22 @@ impl LinkReceiver {
             buffer: Vec::new(),
             refusal: None,
         }))
+    }
+
+    /// Listens for another program on this host.
+    fn of_program(node: &OperatorNode, listening: &Listening) -> Result<Self, WorkerError> {
+        let Listening { socket, beginning, longest } = listening;
+        let opened = StreamReceiver::listen(socket, *beginning, *longest);
+        let receiver = opened.map_err(|reason| LinkError { place: node.name.clone(), reason })?;
+        Ok(Self {
+            place: node.name.clone(),
+            receiver: Inflow::Link(Box::new(receiver)),
+            arrivals: Arrivals::at_most(ONE),
+            form: None,
+            limit: RateLimit::default(),
+            buffer: Vec::new(),
+            refusal: None,
+        })
     }
 
     /// The messages that arrived, for the operator.

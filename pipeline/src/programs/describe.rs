@@ -190,6 +190,7 @@ fn stage(declared: &'static Declared) -> Stage {
         remarks: |_, _| Vec::new(),
         capacities: |checked| given(checked).map(|given| given.capacities.clone()).unwrap_or_default(),
         subscriptions: |_| Vec::new(),
+        listens: |_| None,
         finishes: |checked| given(checked).is_some_and(|given| given.finishes),
         build: |checked, setup| {
             let given = given(checked).ok_or_else(|| {

@@ -196,6 +196,7 @@ impl Declared {
             check_files: |_, _| Ok(()),
             cut_files: |_, _| Ok(BTreeMap::new()),
             remarks: |_, _| Vec::new(),
+            listens: |_| None,
             capacities,
             subscriptions: |_| Vec::new(),
             finishes: |_| false,

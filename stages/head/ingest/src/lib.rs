@@ -11,16 +11,18 @@
 //! - [`checks`]: what may be wrong with a cloud or an image, whoever reads it.
 //! - [`rvl`]: a compression of depth images.
 //! - [`bag`]: recordings of ROS 2, and which of their messages are read.
+//! - [`driver_frame`]: depth images as a driver program sends them.
 //! - [`merge`]: the clouds of several cameras as one.
 //! - [`wire`]: messages of ROS 2 as they arrive: which are taken, and why the others are refused.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap`, `ingest.ros2` and
-//!   `ingest.merge`.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap`, `ingest.ros2`,
+//!   `ingest.driver` and `ingest.merge`.
 
 pub mod bag;
 pub mod camera_info;
 pub mod checks;
 pub mod depth;
 pub mod depth_message;
+pub mod driver_frame;
 pub mod grey;
 pub mod merge;
 pub mod operators;
@@ -43,5 +45,6 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operators::IngestGrey>(),
     Stage::of::<operators::IngestMcap>(),
     Stage::of::<operators::IngestRos2>(),
+    Stage::of::<operators::IngestDriver>(),
     Stage::of::<operators::IngestMerge>(),
 ];

@@ -6,6 +6,7 @@
 //! - `ply`: `ingest.ply`, the vertices of PLY files to clouds
 //! - `mcap`: `ingest.mcap`, the clouds or depth images of an MCAP recording
 //! - `ros2`: `ingest.ros2`, the clouds or depth images of a topic of ROS 2
+//! - `driver`: `ingest.driver`, the depth images of a driver program
 //! - `merge`: `ingest.merge`, the clouds of several cameras to one
 //! - `recording`: the messages of a recording, played as clouds
 //! - `messages`: clouds out of messages of ROS 2
@@ -16,6 +17,7 @@
 //! - `points`: the points of a sample, in place
 
 mod depth;
+mod driver;
 mod files;
 mod grey;
 mod mcap;
@@ -31,6 +33,7 @@ mod turn;
 mod unit;
 
 pub use depth::{CameraParams, DepthParams, IngestDepth};
+pub use driver::{DriverParams, IngestDriver};
 pub use grey::{GreyParams, IngestGrey};
 pub use mcap::{IngestMcap, McapParams};
 pub use merge::{IngestMerge, MergeParams};
