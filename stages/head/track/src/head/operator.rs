@@ -162,7 +162,7 @@ impl Operator for TrackHead {
                 sample: Health::KIND,
                 policy: Policy::Latest,
                 required: false,
-                about: "Which cameras each frame is of, from `ingest.merge`: a camera that is left out takes its points with it, and that is no reason to doubt the rest.",
+                about: "Which cameras each frame is of, from `ingest.merge`: a camera that is left out takes its points with it, which does not cast doubt on the rest.",
             },
         ],
         outputs: &[
