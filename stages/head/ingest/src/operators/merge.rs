@@ -18,8 +18,9 @@ const NAMES: [&str; CAMERAS] = ["first", "second", "third", "fourth"];
 /// Parameters of `ingest.merge`.
 #[derive(Clone, Debug, Params)]
 pub struct MergeParams {
-    /// A camera whose newest cloud was acquired longer than this before the newest of all is late, and left out.
-    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
+    /// A camera whose newest cloud was acquired longer than this before the newest of all is late, and left out: one and
+    /// a half periods of cameras that are not triggered together.
+    #[param(unit = "ns", default = "150 ms", min = "1 ms", max = "1 s")]
     pub max_age: u64,
     /// A cloud with fewer points in the region is that of a blocked camera, and left out.
     #[param(default = 2000, min = 1, max = 16777216)]
