@@ -12,7 +12,8 @@ use crate::check::{Bounds, CheckValues, Checked};
 use crate::dose::{BeamAngles, Collimator, EngineName};
 use crate::evaluation::{FallOff, StructureDose};
 use crate::protocol::{Judged, Served};
-use crate::recipe::MethodName;
+use crate::recipe::{MethodName, StartFluence};
+use crate::recompute::BeamFluence;
 
 /// Version of the file that this build writes, and the newest that it reads.
 pub const PLAN_FILE_VERSION: u32 = 1;
@@ -55,6 +56,9 @@ pub struct PlanFile {
     /// Whether another program found the weights: then nothing was optimised here.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub given_weights: bool,
+    /// The case of the plan with whose fluence the solve began, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<PlanFileCase>,
     /// Seed of the random methods.
     #[serde(default)]
     pub seed: u64,
@@ -491,6 +495,16 @@ impl PlanFile {
     /// Where the beams come from.
     pub fn angles(&self) -> Vec<BeamAngles> {
         self.beams.iter().map(PlanFileBeam::angles).collect()
+    }
+
+    /// The fluence as it was planned, to start from.
+    pub fn fluence(&self) -> StartFluence {
+        let beam = |beam: &PlanFileBeam| BeamFluence {
+            angles: beam.angles(),
+            bixels_mm: beam.bixels_x_z_mm_weight.iter().map(|[x, z, _]| [*x, *z]).collect(),
+            weights: beam.bixels_x_z_mm_weight.iter().map(|[.., weight]| *weight).collect(),
+        };
+        StartFluence { beams: self.beams.iter().map(beam).collect(), bixel_mm: self.dose.bixel_mm }
     }
 
     /// Gantry angles of the beams, degrees.

@@ -313,6 +313,59 @@ fn another_optimiser_gets_the_matrix_and_its_weights_become_the_plan() {
 }
 
 #[test]
+fn a_plan_that_starts_from_another_one_is_the_same_as_without_and_takes_fewer_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = r#"{"objectives": [{"match": ["Rectum"], "wanted": [{"mean_dose": {"dose": "15 Gy", "weight": 30}}]}]}"#;
+    std::fs::write(folder.path().join("other.json"), other).unwrap();
+    plan(folder.path(), &["--angles", "0,120,240", "--fluence-only", "--out", "first"]);
+    let of = |name: &str, asked: &[&str]| {
+        let more = ["--objectives", "other.json", "--fluence-only", "--out", name];
+        plan(folder.path(), &[asked, &more[..]].concat())
+    };
+    let (alone, started) = (of("alone", &["--angles", "0,120,240"]), of("started", &["--start", "first"]));
+    let number = |plan: &Value, key: &str| plan[key].as_f64().unwrap();
+    let [a, b] = [&alone, &started].map(|plan| number(plan, "objective"));
+    let excess = number(&alone, "excess_at_most").max(number(&started, "excess_at_most"));
+    assert!((a - b).abs() <= excess, "{a} and {b}, at most {excess} above the optimum");
+    let [a, b] = [&alone, &started].map(|plan| number(plan, "newton_steps"));
+    assert!(b < a, "{b} steps with a start, {a} without");
+    assert_eq!(started["start"]["name"], started["case"]["name"]);
+    assert!(alone.get("start").is_none());
+    // Bixels of another width begin with the weight at their centre.
+    let narrow = of("narrow", &["--start", "first/plan.json", "--bixel", "16mm"]);
+    assert_eq!(narrow["dose"]["bixel_mm"], 16.0);
+    // What cannot be a start is refused with the reason.
+    let file = std::fs::read_to_string(folder.path().join("first/plan.json")).unwrap();
+    let negative = {
+        let mut plan: Value = serde_json::from_str(&file).unwrap();
+        for bixel in plan["beams"][0]["bixels_x_z_mm_weight"].as_array_mut().unwrap() {
+            bixel[2] = (-1.0).into();
+        }
+        plan.to_string()
+    };
+    let none = {
+        let mut plan: Value = serde_json::from_str(&file).unwrap();
+        for beam in plan["beams"].as_array_mut().unwrap() {
+            beam["bixels_x_z_mm_weight"] = serde_json::json!([]);
+        }
+        plan.to_string()
+    };
+    for (content, reason) in [
+        ("{}", "not a plan.json"),
+        (&file[..file.len() / 2], "not a plan.json"),
+        (&negative, "finite and not negative"),
+        (&none, "plan without a start"),
+    ] {
+        std::fs::write(folder.path().join("wrong.json"), content).unwrap();
+        let given = ["plan", "--start", "wrong.json", "--out", "wrong", "--doses", "doses", "--fluence-only"];
+        let out = stillpoint(folder.path(), &[&given[..], &COARSE].concat());
+        assert!(out.status.code() == Some(2) && text(&out.stderr).contains(reason), "{}", text(&out.stderr));
+    }
+    let out = stillpoint(folder.path(), &["plan", "--start", "first", "--angles", "0"]);
+    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("--angles"), "{}", text(&out.stderr));
+}
+
+#[test]
 fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
     let folder = tempfile::tempdir().unwrap();
     let own = r#"{"objectives": [{"match": ["Rectum"], "wanted": [

@@ -18,7 +18,8 @@
 //! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
 //! - `settle`: the last solve of a plan by superposition, on corrected columns
-//! - `plan`: all of it in one call; `given`: a plan of weights that another program made
+//! - `plan`: all of it in one call; `given`: a plan of weights that another program made; `start`: a plan that begins with the
+//!   fluence of another one
 //! - `delivery`: the check of a plan before it leaves
 
 mod delivery;
@@ -32,6 +33,7 @@ mod search;
 mod settle;
 mod setup;
 mod spec;
+mod start;
 
 pub use delivery::Delivery;
 pub use doses::PlanDoses;
@@ -43,3 +45,4 @@ pub use request::{BUDGET, MOST_LEAVES, PROPOSALS, PlanRequest, RequestError};
 pub use search::{LearnedBeams, PlanRun, PlanSearch};
 pub use setup::{PlanSetup, SetupError};
 pub use spec::{PointScheme, RobustBy, SetupSpec, set_up_errors};
+pub use start::{StartError, StartFluence};

@@ -41,6 +41,10 @@ pub struct PlanArgs {
     /// `72@30` is a beam at gantry 72 and couch 30 degrees (patient support angle of IEC 61217); without `@` the couch is at 0.
     #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "leaves", "method", "compare", "prior"])]
     pub(super) angles: Option<String>,
+    /// Folder of a plan, or its plan.json: its beams are planned again, with its fluence as a start. For another image of the
+    /// patient, or other objectives. The plan is that of `--angles` with these angles, found in fewer steps.
+    #[arg(long, value_name = "PLAN", conflicts_with_all = ["angles", "beams", "budget", "leaves", "method", "compare", "prior", "robust_by"])]
+    pub(super) start: Option<PathBuf>,
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]
     pub(super) compare: bool,

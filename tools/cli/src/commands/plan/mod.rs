@@ -93,6 +93,9 @@ impl Plan {
         let case = match &args.cases[..] {
             [] => None,
             [case] => Some(case.as_path()),
+            cases if args.start.is_some() => {
+                return Err(Failure::wrong(format!("{} cases are given: give one with --start", cases.len())));
+            }
             cases => return Queue::new(args, cases, threads)?.execute(),
         };
         let patient = Patient { case, out: args.out.clone(), threads, is_quiet: args.json, weights: None };

@@ -222,6 +222,7 @@ impl<'a> Outcome<'a> {
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             method: self.run.name,
             given_weights: request.has_weights,
+            start: request.start.as_ref().map(|start| start.case.clone()),
             seed: request.seed,
             objective: best.solved_cost(),
             modulation: self.modulation,

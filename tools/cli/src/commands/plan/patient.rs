@@ -101,10 +101,15 @@ fn searched(
     if !request.quiet {
         prepared.print_notes(&request);
     }
-    let runs = match (weights, &request.searches[..]) {
-        (Some(weights), [search, ..]) => {
+    let runs = match (weights, &request.start, &request.searches[..]) {
+        (Some(weights), _, [search, ..]) => {
             let given = search.of_weights(&request.setup, &prepared.doses, weights);
             (vec![given.map_err(Failure::wrong)?], vec![0.0])
+        }
+        (None, Some(start), [search, ..]) => {
+            let begun = Instant::now();
+            let found = search.starting_from(&request.setup, &prepared.doses, &start.fluence());
+            (vec![found.map_err(Failure::wrong)?], vec![begun.elapsed().as_secs_f64()])
         }
         _ => search::all(&request, &prepared, pooled.as_deref_mut())?,
     };

@@ -196,6 +196,8 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         jobs: _,
         pool: _,
         json: _,
+        // A queue has none.
+        start: _,
         accept_check,
         keep_identity,
         beams,

@@ -9,6 +9,7 @@ use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
 use stillpoint_plan::dose::{BeamAngles, Collimator, EngineName, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::plan_file::PlanFile;
 use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
     MethodName, PlanRequest, PlanRun, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
@@ -41,6 +42,8 @@ pub struct Request {
     pub searches: Vec<PlanSearch>,
     /// Whether the weights were given: then nothing is optimised.
     pub has_weights: bool,
+    /// The plan with whose fluence the solve begins.
+    pub start: Option<PlanFile>,
     /// The method by which dose was computed for the search, where it is not that of the plan.
     pub searched_by: Option<EngineName>,
     /// Beams of the plan.
@@ -83,9 +86,16 @@ impl Request {
         let mut spec = spec(given)?;
         let (protocol, protocol_note) = protocol(&case, given.protocol.as_deref())?;
         spec.protocol = protocol;
-        let angles = given.angles.as_deref().map(angles_of).transpose()?;
-        if let (Some(angles), Some(text)) = (&angles, &given.angles) {
-            spec = spec.for_angles(angles).map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
+        let start = given.start.as_deref().map(|path| plan_at(path).map(|(_, plan)| plan)).transpose()?;
+        let angles = match &start {
+            Some(plan) => Some(plan.angles()),
+            None => given.angles.as_deref().map(angles_of).transpose()?,
+        };
+        if let Some(angles) = &angles {
+            spec = spec.for_angles(angles).map_err(|e| match (&given.start, &given.angles) {
+                (Some(path), _) => Failure::wrong(format!("{}: {e}", path.display())),
+                (None, text) => Failure::wrong(format!("--angles {}: {e}", text.as_deref().unwrap_or_default())),
+            })?;
         }
         let threads = patient.threads;
         let mut requests = requests(given, angles, threads)?;
@@ -110,6 +120,7 @@ impl Request {
             setup,
             searches,
             has_weights: patient.weights.is_some(),
+            start,
             searched_by: None,
             beams,
             budget,
@@ -210,6 +221,15 @@ fn angles_of(text: &str) -> Result<Vec<BeamAngles>, Failure> {
             "--angles {text}: give degrees separated by commas, such as 0,72,144, with a couch angle as in 72@30"
         ))
     })
+}
+
+/// A plan.json, or that of a folder, with its path.
+pub fn plan_at(path: &Path) -> Result<(PathBuf, PlanFile), Failure> {
+    let path = if path.is_dir() { path.join("plan.json") } else { path.to_owned() };
+    let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+    let bytes = std::fs::read(&path).map_err(|e| fault(&e))?;
+    let plan = PlanFile::from_json(&bytes).map_err(|e| fault(&e))?;
+    Ok((path, plan))
 }
 
 /// One request for each method that is to be run.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use stillpoint_plan::plan_file::{PlanFile, PlanFileCase, PlanFileFigures};
 use stillpoint_plan::protocol::Judged;
 
+use crate::commands::plan::request::plan_at;
 use crate::exit::Failure;
 
 /// A plan that is compared.
@@ -19,10 +20,8 @@ pub struct Compared {
 impl Compared {
     /// Reads a plan.json, or that of a folder.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let path = if path.is_dir() { path.join("plan.json") } else { path.to_owned() };
+        let (path, file) = plan_at(path)?;
         let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
-        let bytes = std::fs::read(&path).map_err(|e| fault(&e))?;
-        let file = PlanFile::from_json(&bytes).map_err(|e| fault(&e))?;
         if file.prescription.is_empty() {
             return Err(fault(
                 &"the plan has no prescription; import its case with --prescribe and plan it again",
