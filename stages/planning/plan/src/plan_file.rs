@@ -51,6 +51,9 @@ pub struct PlanFile {
     /// The objectives with what the planned fluence gives.
     #[serde(default)]
     pub objectives: Vec<Value>,
+    /// What couch angles changed, where beams were searched with them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub couch: Option<PlanFileCouch>,
     /// How the beams were chosen.
     pub method: MethodName,
     /// Whether another program found the weights: then nothing was optimised here.
@@ -305,6 +308,36 @@ impl PlanFileCheck {
             accepted: accepted.map(str::to_owned),
         }
     }
+}
+
+/// What couch angles changed, by the doses of the search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileCouch {
+    /// Largest couch angle to both sides that was allowed, degrees.
+    pub most_deg: f64,
+    /// The objective of the best beams without couch angles.
+    pub coplanar_objective: f64,
+    /// Their gantry angles, degrees.
+    pub coplanar_angles_deg: Vec<f64>,
+    /// The objective with couch angles.
+    pub objective: f64,
+    /// Directions among which the search chose.
+    pub candidates: usize,
+    /// Of these, the directions whose doses were needed.
+    pub doses: usize,
+    /// Structures whose mean dose is higher than without couch angles by at least 0.5 Gy.
+    pub higher: Vec<PlanFileHigher>,
+}
+
+/// A structure that gets more than without couch angles. Means are of the points that count for it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileHigher {
+    /// Its name.
+    pub structure: String,
+    /// Mean dose without couch angles, gray.
+    pub coplanar_gy: f64,
+    /// Mean dose with couch angles, gray.
+    pub mean_gy: f64,
 }
 
 /// The segments of a plan.

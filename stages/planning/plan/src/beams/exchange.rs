@@ -58,6 +58,16 @@ pub fn search<I: Influence + ?Sized>(
     Ok(())
 }
 
+/// Exchanges beams of one set as long as that is better, without a new beginning: until no list has a gain, or the budget is
+/// spent.
+///
+/// # Errors
+/// A problem could not be made, or the budget was spent.
+pub fn improve<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, start: &BeamSet) -> Result<(), Stop> {
+    let start = evaluator.evaluate(start, None)?;
+    descend(evaluator, start, &mut BTreeMap::new())
+}
+
 /// Rotations of equal beams, evenly spread, that take a quarter of the budget at most.
 pub fn some_rotations<I: Influence + ?Sized>(
     evaluator: &Evaluator<'_, I>,

@@ -27,6 +27,7 @@
 //! - `ring`: angles, distances, legal sets
 //! - `directions`: the angles of gantry and couch behind the numbers of beams
 //! - `doses`: their dose matrices, from the cache
+//! - `lattice`: candidates with couch angles; `lazy`: their doses, computed when they are needed
 //! - `evaluator`: what a set costs: solved once, cached, counted
 //! - `ahead`: sets that are under way while a search goes on
 //! - `solver`: where sets are solved and beams are priced
@@ -45,6 +46,8 @@ mod evaluator;
 mod exchange;
 mod geometry;
 mod greedy;
+mod lattice;
+mod lazy;
 mod method;
 mod price;
 mod prior;
@@ -57,7 +60,10 @@ mod solver;
 pub use directions::Directions;
 pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Memo, Progress, Stop};
+pub use exchange::improve;
 pub use geometry::Geometry;
+pub use lattice::candidates;
+pub use lazy::LazyDoses;
 pub use method::{Choice, ChoiceError, Method, choose, class_solution, pelvis_solutions, rotations};
 pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores, set_of_prior};
 pub use random::set as random_set;

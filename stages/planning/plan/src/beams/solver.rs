@@ -113,8 +113,10 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
     fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         let influence = self.influence;
         let slopes = slopes_at(self.goals, base.map(|base| &base.plan))?;
-        on_threads(candidates, self.threads, |candidate| {
-            Ok(price_beam(self.goals, &slopes, &influence.beam(*candidate))?)
+        let short = influence.shortlist(base, candidates);
+        on_threads(candidates, self.threads, |candidate| match &short {
+            Some(short) if !short.contains(candidate) => Ok(0.0),
+            _ => Ok(price_beam(self.goals, &slopes, &influence.beam(*candidate))?),
         })
     }
 }
@@ -163,7 +165,7 @@ pub fn start_weights(set: &BeamSet, columns: &[usize], near: Option<&Evaluated>)
     Some(weights)
 }
 
-fn slopes_at(goals: &Goals, base: Option<&Plan>) -> Result<Slopes, GoalsError> {
+pub(super) fn slopes_at(goals: &Goals, base: Option<&Plan>) -> Result<Slopes, GoalsError> {
     match base {
         Some(plan) => Ok(Slopes::new(goals, plan)),
         None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)?)),

@@ -65,6 +65,7 @@ impl MachineFile {
             hu_to_density: vec![[-1000.0, 0.0], [100.0, 1.1], [3000.0, 2.492]],
             collimator: Some(Collimator::generic()),
             superposition: None,
+            free_angles: None,
         }
     }
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::clearance::FreeRange;
 use super::collimator::Collimator;
 use super::superposition::Superposition;
 use stillpoint_patient::case::Case;
@@ -44,6 +45,9 @@ pub struct MachineFile {
     /// Spectrum and point kernels; without them, there is no dose by superposition.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub superposition: Option<Superposition>,
+    /// Angles of gantry and couch that are free of collisions; without them, those of [`FreeRange::generic`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub free_angles: Option<Vec<FreeRange>>,
 }
 
 /// A machine that holds together. Only this one computes dose.
@@ -113,6 +117,11 @@ impl Machine {
         Self::new(serde_json::from_str(json)?)
     }
 
+    /// Angles of gantry and couch that are free of collisions.
+    pub fn free_angles(&self) -> Vec<FreeRange> {
+        self.0.free_angles.clone().unwrap_or_else(FreeRange::generic)
+    }
+
     /// The machine that a file describes, if its numbers fit each other.
     pub fn new(file: MachineFile) -> Result<Self, MachineError> {
         in_range("energy_mv", file.energy_mv, 1.0..=50.0, "from 1 to 50 MV")?;
@@ -131,6 +140,7 @@ impl Machine {
                 });
             }
         }
+        FreeRange::check(file.free_angles.as_deref().unwrap_or(&FreeRange::generic()))?;
         table("primary_fluence_r_mm_value", &file.primary_fluence_r_mm_value, 0.0..=100.0, "from 0 to 100")?;
         table("hu_to_density", &file.hu_to_density, 0.0..=25.0, "from 0 to 25")?;
         rising("kernel_pos_mm", &file.kernel_pos_mm)?;
@@ -284,6 +294,7 @@ mod tests {
             hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
             collimator: None,
             superposition: None,
+            free_angles: None,
         }
     }
 

@@ -4,7 +4,7 @@
 //! three kernels, each with a depth dose of its own, over the water that lies between the source and the voxel.
 //!
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
-//! - `collimator`: the leaves of the machine
+//! - `collimator`: the leaves of the machine; `clearance`: where gantry and couch have room
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `angles`: gantry and couch
 //! - `beam`: one beam, bixel by bixel
@@ -25,6 +25,7 @@ mod angles;
 mod beam;
 mod bixels;
 mod cache;
+mod clearance;
 mod collimator;
 mod delivered;
 pub(crate) mod density;
@@ -47,6 +48,7 @@ pub use angles::{BeamAngles, NotAngles};
 pub use beam::BeamInfluence;
 pub use bixels::{BixelCentre, BixelSpec};
 pub use cache::{CacheError, CachedBeam, DoseCache, Origin};
+pub use clearance::FreeRange;
 pub use collimator::Collimator;
 pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;

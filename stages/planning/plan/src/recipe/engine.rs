@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use super::setup::PlanSetup;
 use crate::beams::{Evaluated, RingDoses};
-use crate::dose::{DoseError, EngineName, LowDensity, UnknownEngine};
+use crate::dose::{BeamAngles, DoseError, EngineName, LowDensity, UnknownEngine};
 
 /// Share of the bixels of a plan that cross lung or air from which on a plan is made by superposition.
 pub const LEAST_SHARE_CROSSING: f64 = 0.05;
@@ -86,12 +86,20 @@ impl PlanSetup {
     /// # Errors
     /// An angle out of range.
     pub fn engine_of_plan(&self, beams: &[u16]) -> Result<EngineName, DoseError> {
+        self.engine_of_angles(&self.directions.all(beams))
+    }
+
+    /// The same for a plan of beams of these angles.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn engine_of_angles(&self, angles: &[BeamAngles]) -> Result<EngineName, DoseError> {
         let has_kernels = self.spec.machine.file().superposition.is_some();
         if self.spec.engine != PlanEngine::Auto || !has_kernels {
             return Ok(self.engine_name());
         }
         let needs_superposition =
-            self.case.is_head_or_neck() || self.low_density_of(beams)?.share() >= LEAST_SHARE_CROSSING;
+            self.case.is_head_or_neck() || self.low_density_at(angles)?.share() >= LEAST_SHARE_CROSSING;
         Ok(if needs_superposition { EngineName::Superposition } else { EngineName::Pencil })
     }
 
@@ -100,11 +108,14 @@ impl PlanSetup {
     /// # Errors
     /// An angle out of range.
     pub fn low_density_of(&self, beams: &[u16]) -> Result<LowDensity, DoseError> {
+        self.low_density_at(&self.directions.all(beams))
+    }
+
+    fn low_density_at(&self, beams: &[BeamAngles]) -> Result<LowDensity, DoseError> {
         let mut sum = LowDensity::default();
-        for beam in beams {
-            let angles = self.directions.angles(*beam);
-            let bixels_mm = self.engine().bixels_mm(angles)?;
-            sum = sum.and(self.engine().low_density(angles, &bixels_mm)?);
+        for angles in beams {
+            let bixels_mm = self.engine().bixels_mm(*angles)?;
+            sum = sum.and(self.engine().low_density(*angles, &bixels_mm)?);
         }
         Ok(sum)
     }

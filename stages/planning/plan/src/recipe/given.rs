@@ -62,6 +62,7 @@ impl PlanSearch {
             choice: Choice { best: best.into(), spent: false },
             history: vec![only],
             prices: 0,
+            directions: self.directions.clone(),
         })
     }
 }

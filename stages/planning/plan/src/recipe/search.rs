@@ -11,6 +11,7 @@ use crate::beams::{
     BeamSet, Budget, Choice, ChoiceError, Directions, Evaluator, Influence, Method, Mixture, Prior, Progress,
     Ring, RingDoses, RingError, SecondPlayer, choose, set_of_prior,
 };
+use crate::dose::BeamAngles;
 
 /// What a trained network says of a case.
 pub trait LearnedBeams: fmt::Debug + Send + Sync {
@@ -57,9 +58,19 @@ pub struct PlanRun {
     pub history: Vec<Progress>,
     /// Beams priced.
     pub prices: usize,
+    /// The angles behind the numbers of the beams of the history.
+    pub directions: Directions,
 }
 
 impl PlanRun {
+    /// Its name for people, among others.
+    pub fn label(&self) -> String {
+        match self.directions.step_deg() {
+            None if self.history.len() > 1 => format!("{}, couch angles", self.name),
+            _ => self.name.to_string(),
+        }
+    }
+
     /// Solves.
     pub fn solves(&self) -> usize {
         self.history.last().map_or(0, |last| last.solves)
@@ -125,6 +136,16 @@ impl PlanSearch {
         evaluator.with_threads(self.threads).with_leaves(self.leaves)
     }
 
+    /// The search whose only set are all beams of these directions.
+    ///
+    /// # Errors
+    /// The directions make no set.
+    pub fn of_directions(&self, directions: &Directions, angles: &[BeamAngles]) -> Result<Self, RingError> {
+        let beams: Vec<u16> = angles.iter().filter_map(|angles| directions.beam(*angles)).collect();
+        let set = directions.set(&beams)?;
+        Ok(Self { directions: directions.clone(), ..self.of_beams(&set) })
+    }
+
     /// The search whose only set of beams is this: the plan of its beams on other doses.
     pub fn of_beams(&self, beams: &BeamSet) -> Self {
         Self {
@@ -161,6 +182,14 @@ impl PlanSearch {
     ) -> Result<PlanRun, ChoiceError> {
         let choice = self.choose(&mut evaluator)?;
         let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
-        Ok(PlanRun { name: self.name, budget: self.budget, leaves: self.leaves, choice, history, prices })
+        Ok(PlanRun {
+            name: self.name,
+            budget: self.budget,
+            leaves: self.leaves,
+            choice,
+            history,
+            prices,
+            directions: self.directions.clone(),
+        })
     }
 }

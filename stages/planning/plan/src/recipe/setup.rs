@@ -111,6 +111,15 @@ impl PlanSetup {
         setup.by(of_search)
     }
 
+    /// The same for beams of these angles alone.
+    ///
+    /// # Errors
+    /// An angle is not finite, or two beams have the same angles.
+    pub fn for_angles(self, angles: &[BeamAngles]) -> Result<Self, RingError> {
+        let spec = self.spec.for_angles(angles)?;
+        Ok(Self { directions: spec.directions(), spec, ..self })
+    }
+
     /// The same with doses by another method.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
-use stillpoint_plan::dose::{Collimator, DoseParams, Machine, MachineFile};
+use stillpoint_plan::dose::{Collimator, DoseParams, FreeRange, Machine, MachineFile};
 
 fn small() -> MachineFile {
     MachineFile {
@@ -23,6 +23,7 @@ fn small() -> MachineFile {
         hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
         collimator: Some(Collimator::generic()),
         superposition: None,
+        free_angles: Some(vec![FreeRange { couch_deg: [-20.0, 20.0], gantry_deg: [300.0, 60.0] }]),
     }
 }
 

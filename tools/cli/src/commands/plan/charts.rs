@@ -116,7 +116,7 @@ pub fn objective(request: &Request, run: &PlanRun) -> Result<String, ChartError>
 /// The best of each method over its solves.
 pub fn comparison(request: &Request, runs: &[PlanRun]) -> Result<String, ChartError> {
     let series = |run: &PlanRun| Series {
-        name: run.name.word().to_owned(),
+        name: run.label(),
         points: with_end(
             run.history.iter().map(|p| (p.solves as f64, p.best)).collect(),
             request.budget as f64,

@@ -32,7 +32,7 @@ pub fn write(
     let svg = |text: Result<String, ChartError>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
-    if let Some(tree) = tree::drawing(&request.setup.directions, request.beams, &outcome.run.history) {
+    if let Some(tree) = tree::drawing(&outcome.run.directions, request.beams, &outcome.run.history) {
         files.push(folder.put("tree.svg", tree.as_bytes())?);
     }
     if runs.len() > 1 {

@@ -220,6 +220,7 @@ impl<'a> Outcome<'a> {
             },
             requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
+            couch: request.couch.clone(),
             method: self.run.name,
             given_weights: request.has_weights,
             start: request.start.as_ref().map(|start| start.case.clone()),
@@ -287,12 +288,13 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
+    let gantry = |beams: &[u16]| run.directions.all(beams).iter().map(|angles| angles.gantry_deg).collect();
     let solve = |progress: &Progress| PlanFileSolve {
         cost: finite(progress.cost),
         best: finite(progress.best),
         prices: progress.prices,
-        angles_deg: request.setup.angles_deg(progress.beams.beams()),
-        couches_deg: request.setup.directions.couches_deg(progress.beams.beams()),
+        angles_deg: gantry(progress.beams.beams()),
+        couches_deg: run.directions.couches_deg(progress.beams.beams()),
     };
     let ended = match (request.has_weights, run.choice.spent) {
         (true, _) => "the weights were given",
@@ -305,8 +307,8 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         leaves: run.leaves.get(),
         ended: ended.to_owned(),
         objective: run.choice.best.cost,
-        angles_deg: request.setup.angles_deg(run.choice.best.beams.beams()),
-        couches_deg: request.setup.directions.couches_deg(run.choice.best.beams.beams()),
+        angles_deg: gantry(run.choice.best.beams.beams()),
+        couches_deg: run.directions.couches_deg(run.choice.best.beams.beams()),
         solves: run.solves(),
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),

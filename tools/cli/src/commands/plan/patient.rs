@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use stillpoint_plan::recipe::PlanRun;
+use stillpoint_plan::dose::DoseCache;
+use stillpoint_plan::plan_file::{PlanFileCouch, PlanFileHigher};
+use stillpoint_plan::recipe::{Higher, PlanRun};
 
 use super::args::PlanArgs;
 use super::folder;
@@ -114,6 +116,9 @@ fn searched(
         _ => search::all(&request, &prepared, pooled.as_deref_mut())?,
     };
     let Some(best) = best(&runs.0).cloned() else { return Err(Failure::failed("no method was run")) };
+    if request.couch_deg > 0.0 && weights.is_none() {
+        return with_couch(request, prepared, runs, best, doses_s, pooled);
+    }
     let engine = request.setup.engine_of_plan(best.choice.best.beams.beams()).map_err(Failure::failed)?;
     if engine == request.setup.engine_name() {
         let (prepared, best) = settled(&request, prepared, best)?;
@@ -133,6 +138,54 @@ fn searched(
     let Some(solved) = solved.into_iter().next() else { return Err(Failure::failed("no method was run")) };
     let (prepared, solved) = settled(&request, prepared, solved)?;
     Ok(Searched { request, prepared, runs, best: PlanRun { choice: solved.choice, ..best }, doses_s })
+}
+
+/// Goes on with couch angles from the best beams without them, and solves the fluence of those that were found.
+fn with_couch(
+    request: Request,
+    prepared: Prepared,
+    runs: search::Runs,
+    best: PlanRun,
+    doses_s: f64,
+    pooled: Option<&mut Pooled>,
+) -> Result<Searched, Failure> {
+    let (mut runs, mut doses_s) = (runs, doses_s);
+    let Some(search) = request.searches.iter().find(|search| search.name == best.name) else {
+        return Err(Failure::failed("no method was run"));
+    };
+    let begun = Instant::now();
+    let cache = DoseCache::in_folder(&request.doses).map_err(Failure::failed)?;
+    let found =
+        search.with_couch(&request.setup, &cache, &best, request.couch_deg).map_err(Failure::failed)?;
+    drop(prepared);
+    let angles = found.run.directions.all(found.run.choice.best.beams.beams());
+    let higher = |higher: &Higher| PlanFileHigher {
+        structure: higher.structure.clone(),
+        coplanar_gy: higher.coplanar_gy,
+        mean_gy: higher.mean_gy,
+    };
+    let couch = PlanFileCouch {
+        most_deg: request.couch_deg,
+        coplanar_objective: best.choice.best.cost,
+        coplanar_angles_deg: request.setup.angles_deg(best.choice.best.beams.beams()),
+        objective: found.run.choice.best.cost,
+        candidates: found.candidates,
+        doses: found.doses,
+        higher: found.higher.iter().map(higher).collect(),
+    };
+    let engine = request.setup.engine_of_angles(&angles).map_err(Failure::failed)?;
+    let request = request.with_couch(engine, &angles, couch)?;
+    runs.0.push(found.run.clone());
+    runs.1.push(begun.elapsed().as_secs_f64());
+    let begun = Instant::now();
+    let mut pooled = pooled;
+    let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
+    doses_s += begun.elapsed().as_secs_f64();
+    let (solved, _) = search::all(&request, &prepared, pooled)?;
+    let Some(solved) = solved.into_iter().next() else { return Err(Failure::failed("no method was run")) };
+    let (prepared, solved) = settled(&request, prepared, solved)?;
+    let best = PlanRun { choice: solved.choice, ..found.run };
+    Ok(Searched { request, prepared, runs, best, doses_s })
 }
 
 /// The best run on columns that are corrected for it, which matters where dose is by superposition.

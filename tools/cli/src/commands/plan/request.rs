@@ -9,7 +9,7 @@ use stillpoint_network::{LearnedError, caution, with_network};
 use stillpoint_patient::case::{Case, phantom, read};
 use stillpoint_plan::dose::{BeamAngles, Collimator, EngineName, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::plan_file::PlanFile;
+use stillpoint_plan::plan_file::{PlanFile, PlanFileCouch};
 use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
     MethodName, PlanRequest, PlanRun, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
@@ -56,6 +56,10 @@ pub struct Request {
     pub setups_mm: Vec<[f64; 3]>,
     /// What people should know of the protocol.
     pub protocol_note: Option<String>,
+    /// Largest couch angle of the search to both sides, degrees; 0 where it has none.
+    pub couch_deg: f64,
+    /// What couch angles changed, once they were searched.
+    pub couch: Option<PlanFileCouch>,
     /// Spacing of the grid of the reported dose, mm, where it is given.
     pub dose_grid_mm: Option<f64>,
     /// Why a person takes a plan that the check refuses.
@@ -125,6 +129,8 @@ impl Request {
             beams,
             budget,
             protocol_note,
+            couch_deg: couch_deg(given)?,
+            couch: None,
             dose_grid_mm: given.dose_grid.as_deref().map(dose_grid_mm).transpose()?,
             accept_check: accept_check(given)?,
             leaves: !given.fluence_only,
@@ -160,6 +166,27 @@ impl Request {
         Ok(Self { setup, searches, searched_by, ..self })
     }
 
+    /// The same request for beams of these angles that a search with couch angles found, with doses by another method.
+    ///
+    /// # Errors
+    /// No dose can be computed.
+    pub fn with_couch(
+        self,
+        engine: EngineName,
+        angles: &[BeamAngles],
+        couch: PlanFileCouch,
+    ) -> Result<Self, Failure> {
+        let is_same = engine == self.setup.engine_name();
+        let searched_by = (!is_same).then(|| self.setup.engine_name());
+        let mut setup = self.setup.for_angles(angles).map_err(Failure::failed)?;
+        if !is_same {
+            setup = setup.by(engine).map_err(Failure::failed)?;
+        }
+        let last = self.searches.first().map(|search| search.of_directions(&setup.directions, angles));
+        let searches = last.transpose().map_err(Failure::failed)?.into_iter().collect();
+        Ok(Self { setup, searches, searched_by, couch: Some(couch), ..self })
+    }
+
     /// Beams that need a dose.
     pub fn needed_beams(&self) -> Vec<u16> {
         let beams: BTreeSet<u16> = self.searches.iter().flat_map(PlanSearch::needed_beams).collect();
@@ -188,6 +215,19 @@ fn spec(given: &PlanArgs) -> Result<SetupSpec, Failure> {
         robust_by: RobustBy::from(given.robust_by),
         ..SetupSpec::shipped().map_err(Failure::failed)?
     })
+}
+
+/// Largest couch angle to both sides, degrees.
+fn couch_deg(given: &PlanArgs) -> Result<f64, Failure> {
+    let text = given.couch.trim();
+    let number = text.trim_start_matches('\u{b1}').trim_end_matches("deg").trim();
+    match number.parse::<f64>() {
+        _ if text == "free" => Ok(180.0),
+        Ok(deg) if (0.0..=180.0).contains(&deg) => Ok(deg),
+        _ => Err(Failure::wrong(format!(
+            "invalid couch angle: --couch {text} (allowed: free, or the largest angle to both sides, 0 to 180 degrees)"
+        ))),
+    }
 }
 
 /// How far within the edge of the patient bixels run, mm; negative with flash.

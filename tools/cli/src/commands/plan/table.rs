@@ -3,6 +3,7 @@
 use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
+use stillpoint_plan::plan_file::{PlanFileCouch, PlanFileHigher};
 use stillpoint_plan::protocol::{Judged, Served};
 
 use super::leaves::Leaves;
@@ -23,7 +24,7 @@ pub fn print(
 ) {
     if runs.len() > 1 {
         outln!();
-        searches(request, runs, seconds);
+        searches(runs, seconds);
     }
     let best = &outcome.run.choice.best;
     outln!(
@@ -37,6 +38,9 @@ pub fn print(
         outcome.run.solves(),
         outcome.run.prices
     );
+    if let Some(text) = request.couch.as_ref().map(couch) {
+        outln!("{text}");
+    }
     if let Some(text) = outcome.worst_case(request) {
         outln!("{text}");
     }
@@ -125,25 +129,42 @@ fn check(request: &Request, outcome: &Outcome<'_>) {
     }
 }
 
+/// What couch angles changed, for people.
+pub fn couch(couch: &PlanFileCouch) -> String {
+    let gain = 100.0 * (1.0 - couch.objective / couch.coplanar_objective);
+    let mut text = format!(
+        "couch angles: objective of the search {:.4}, {gain:.1} % below {:.4} of the best beams without them; doses of {} of {} \
+         directions were needed",
+        couch.objective, couch.coplanar_objective, couch.doses, couch.candidates
+    );
+    for higher in &couch.higher {
+        let PlanFileHigher { structure, coplanar_gy, mean_gy } = higher;
+        text += &format!(
+            "\n  {structure} gets more: mean {mean_gy:.1} Gy, {coplanar_gy:.1} Gy without couch angles"
+        );
+    }
+    text
+}
+
 /// Angles for people.
 pub fn angles(angles: &[BeamAngles]) -> String {
     let angles: Vec<String> = angles.iter().map(|angle| format!("{angle}\u{b0}")).collect();
     angles.join(" ")
 }
 
-fn searches(request: &Request, runs: &[PlanRun], seconds: &[f64]) {
+fn searches(runs: &[PlanRun], seconds: &[f64]) {
     let right = ["objective", "solves", "prices", "s"].map(|name| (Side::Right, name));
     let head = [(Side::Left, "method")].into_iter().chain(right).chain([(Side::Left, "beams")]);
     let mut table = Columns::new(head);
     for (run, seconds) in runs.iter().zip(seconds) {
         let beams = run.choice.best.beams.beams();
         table.row([
-            run.name.word().to_owned(),
+            run.label(),
             format!("{:.4}", run.choice.best.cost),
             run.solves().to_string(),
             run.prices.to_string(),
             format!("{seconds:.1}"),
-            angles(&request.setup.angles(beams)),
+            angles(&run.directions.all(beams)),
         ]);
     }
     out!("{table}");

@@ -208,7 +208,7 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
         "Objective of each set of beams, in the order of the solves.".to_owned(),
     );
     let mut blocks = vec![drawing];
-    if let Some(tree) = tree::drawing(&request.setup.directions, request.beams, &run.history) {
+    if let Some(tree) = tree::drawing(&run.directions, request.beams, &run.history) {
         let message = "Sets from which others were solved, each below the set from which it was reached by exchanging beams; bold: \
                     the way to the best set. Bars: solves below each set.";
         blocks.push(Block::Drawing(themed(&tree), message.to_owned()));
