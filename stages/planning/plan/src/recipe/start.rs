@@ -74,6 +74,7 @@ impl PlanSearch {
         let best = evaluator.evaluate(&begin.beams, Some(&begin))?;
         let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
         let choice = Choice { best, spent: false };
-        Ok(PlanRun { name: self.name, budget: 1, leaves: self.leaves, choice, history, prices })
+        let directions = setup.directions.clone();
+        Ok(PlanRun { name: self.name, directions, budget: 1, leaves: self.leaves, choice, history, prices })
     }
 }
