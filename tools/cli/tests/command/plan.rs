@@ -164,6 +164,33 @@ fn limits_for_fractions_of_2_gy_do_not_pass_for_one_of_20_gy() {
 }
 
 #[test]
+fn couch_angles_are_searched_from_the_best_beams_without_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "4", "--engine", "pencil", "--fluence-only", "--couch", "30"];
+    let reported = plan(folder.path(), &[&asked[..], &["--out", "turned"]].concat());
+    let couch = &reported["couch"];
+    let number = |name: &str| couch[name].as_f64().unwrap();
+    assert!(number("objective") <= number("coplanar_objective"), "{couch}");
+    assert!(number("doses") < number("candidates") && number("most_deg") == 30.0, "{couch}");
+    let searches = reported["searches"].as_array().unwrap();
+    assert_eq!((searches.len(), &searches[1]["objective"]), (2, &couch["objective"]));
+    assert!(searches[1]["solves"].as_u64().unwrap() <= 4);
+    let beams = reported["beams"].as_array().unwrap();
+    let couches = beams.iter().map(|beam| beam.get("couch_deg").map_or(0.0, |deg| deg.as_f64().unwrap()));
+    assert!(couches.clone().count() == 3 && couches.clone().all(|deg| deg.abs() <= 30.0), "{beams:?}");
+    // The plan is that of its beams.
+    let difference = reported["objective"].as_f64().unwrap() / number("objective") - 1.0;
+    assert!(difference.abs() < 1e-5, "{difference}");
+    for (option, wrong) in
+        [("--couch", "200"), ("--couch", "wide"), ("--angles", "0,72@"), ("--angles", "0@5,0@5")]
+    {
+        let out = stillpoint(folder.path(), &["plan", option, wrong]);
+        assert_eq!(out.status.code(), Some(2), "{option} {wrong}");
+        assert!(text(&out.stderr).contains(wrong), "{}", text(&out.stderr));
+    }
+}
+
+#[test]
 fn leaves_in_progress_are_part_of_a_plan_and_refused_where_a_method_has_none() {
     let folder = tempfile::tempdir().unwrap();
     let asked = ["--beams", "3", "--budget", "8", "--method", "search", "--out", "wide", "--leaves", "4"];
