@@ -2,7 +2,7 @@
  *
  *     far-end KEY_FILE VALVES VALVES_PORT BEAM_PORT ACKNOWLEDGE_PORT
  *
- * `apply` is the place for your hardware. Acknowledgements go to this port of the host from which the last order came. */
+ * `drive` is the place for your hardware. Acknowledgements go to this port of the host from which the last order came. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <arpa/inet.h>
@@ -22,15 +22,34 @@
 enum { STEP = 2000000, ACKNOWLEDGE = 20000000 }; /* ns */
 enum { AT_ONCE = 64 }; /* datagrams of a port between two looks at the time */
 
-static uint64_t now(void)
+static uint64_t read_clock(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
+    clock_gettime(clock, &t);
     return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
 }
 
-/* What is done is what is printed, where it changes. */
-static void apply(const fe_doing *doing, uint8_t valves, uint64_t at)
+/* The time of day at the start, and what has passed since. A clock that is set back while the program runs would make an old
+ * order hold on, and refuse each new one as too early. */
+static uint64_t now(void)
+{
+    static uint64_t wall, steady;
+    if (wall == 0) {
+        wall = read_clock(CLOCK_REALTIME);
+        steady = read_clock(CLOCK_MONOTONIC);
+    }
+    return wall + (read_clock(CLOCK_MONOTONIC) - steady);
+}
+
+/* The place for your hardware: it is called at each step, since duties change from step to step. It must not wait. */
+static void drive(const fe_doing *doing, uint8_t valves)
+{
+    (void)doing;
+    (void)valves;
+}
+
+/* Says what is done, where it changes. A program that drives hardware leaves it out: a terminal that is stopped holds it up. */
+static void say(const fe_doing *doing, uint8_t valves, uint64_t at)
 {
     static const char *const orders[] = {"hold", "vent", "follow"};
     static int last = -1;
@@ -103,7 +122,8 @@ int main(int count, char **arguments)
             continue;
         stepped = at;
         fe_doing doing = fe_step(&far, at);
-        apply(&doing, (uint8_t)valves, at);
+        drive(&doing, (uint8_t)valves);
+        say(&doing, (uint8_t)valves, at);
         if (sender.sin_port != 0 && at - acknowledged >= ACKNOWLEDGE) {
             acknowledged = at;
             sender.sin_port = htons((uint16_t)atoi(arguments[5]));

@@ -143,13 +143,20 @@ pub struct Merge {
     cameras: Vec<MergedCamera>,
     /// Acquisition of the first cloud of any camera, ns: a camera that has sent none is as old.
     begin: Option<u64>,
+    /// Acquisition of the last merged cloud, ns.
+    last: Option<u64>,
 }
 
 impl Merge {
     /// A merge of the clouds of cameras at these places.
     #[must_use]
     pub fn new(rules: MergeRules, placements: &[Placement]) -> Self {
-        Self { rules, cameras: placements.iter().copied().map(MergedCamera::new).collect(), begin: None }
+        Self {
+            rules,
+            cameras: placements.iter().copied().map(MergedCamera::new).collect(),
+            begin: None,
+            last: None,
+        }
     }
 
     /// The cameras, in the order of their places.
@@ -175,7 +182,16 @@ impl Merge {
     /// Returns the acquisition of the oldest cloud that takes part, ns, or of the newest where none does.
     pub fn close(&mut self, time: u64, is_placed: impl Fn(usize) -> bool) -> u64 {
         let newest = self.newest();
-        let parts: Vec<Part> = (0..self.cameras.len()).map(|k| self.part(k, newest, &is_placed)).collect();
+        let last = self.last;
+        let parts = self.cameras.iter().enumerate().map(|(k, camera)| {
+            // A cloud that was merged before, or that is older than what was, would set the time of the surface back.
+            let is_over = !camera.is_new && camera.origin.is_some_and(|origin| last >= Some(origin));
+            match self.part(k, newest, &is_placed) {
+                Part::Used if is_over => Part::Late,
+                part => part,
+            }
+        });
+        let parts: Vec<Part> = parts.collect();
         for (camera, part) in self.cameras.iter_mut().zip(parts) {
             if camera.part != part || camera.since == 0 {
                 (camera.part, camera.since) = (part, time);
@@ -184,7 +200,9 @@ impl Merge {
             *count += 1;
             camera.is_new = false;
         }
-        self.used().filter_map(|c| c.origin).min().unwrap_or(newest)
+        let origin = self.used().filter_map(|c| c.origin).min().unwrap_or(newest);
+        self.last = Some(origin);
+        origin
     }
 
     /// The points of the cameras that take part, camera by camera, m, in the frame of the merged cloud.

@@ -110,6 +110,9 @@ impl Judged {
 
 /// Sets of cameras whose densities are measured apart: those of the first four.
 const CAMERA_SETS: usize = 16;
+/// For how long after the last frame of a set whose density is known that of another set may be measured, ns. Later, nobody
+/// knows whether what the other set sees is still the whole head.
+const MEASURED_WITHIN: u64 = 500_000_000;
 
 /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
 #[derive(Debug, Clone, Copy, Default)]
@@ -124,6 +127,10 @@ impl Density {
             self.frames += 1;
             self.mean += (density - self.mean) / f64::from(self.frames);
         }
+    }
+
+    fn is_known(&self) -> bool {
+        self.frames >= FIRST
     }
 
     /// The certainty that no part of the captured surface is gone.
@@ -153,6 +160,12 @@ pub struct Identity {
     is_mixed: bool,
     /// Of each set of cameras: one that is left out takes its points with it.
     densities: [Density; CAMERA_SETS],
+    /// The last frame with enough confidence of a set whose density is known, ns.
+    sure: Option<u64>,
+    /// Sets whose density was known before the proof was complete, a bit each.
+    proven_sets: u32,
+    /// The newest frame is of such a set, or no density is known yet.
+    is_of_proven: bool,
     /// A table of movements lies on the surface.
     has_face: bool,
     /// Since when the face moves, ns.
@@ -178,6 +191,9 @@ impl Identity {
             most: 0.0,
             is_mixed: false,
             densities: [Density::default(); CAMERA_SETS],
+            sure: None,
+            proven_sets: 0,
+            is_of_proven: true,
             face: None,
             moved_face: None,
             apart: Vec::with_capacity(APART_FRAMES),
@@ -211,7 +227,8 @@ impl Identity {
         let size = if seen.scale.is_nan() { 0.0 } else { (seen.scale - 1.0).abs() };
         certainty[IdentityPart::Size as usize] = below(size, SIZE);
         let overlap = (0.5 + (alignment.overlap - needed.overlap) / (2.0 * OVERLAP)).clamp(0.0, 1.0);
-        certainty[IdentityPart::Overlap as usize] = overlap.min(self.densities[set].complete(seen.density));
+        let complete = self.complete(set, seen.density, needed.may_hide, frame.time);
+        certainty[IdentityPart::Overlap as usize] = overlap.min(complete);
         certainty[IdentityPart::Residual as usize] =
             below(alignment.sd, (RESIDUAL * noise).max(RESIDUAL_LEAST));
         certainty[IdentityPart::Region as usize] =
@@ -238,9 +255,26 @@ impl Identity {
         let judged = Judged { certainty, agreement: seen, faces, explained };
         if judged.confidence() >= ENOUGH {
             self.densities[set].add(seen.density);
+            if self.densities[set].is_known() {
+                self.sure = Some(frame.time);
+                if self.proven_sets == 0 || self.proof == Proof::Waiting {
+                    self.proven_sets |= 1 << set;
+                }
+            }
         }
+        self.is_of_proven = self.proven_sets == 0 || self.proven_sets >> set & 1 == 1;
         self.prove(&judged, frame.time);
         judged
+    }
+
+    /// The certainty that no part of the captured surface is gone from a frame of this set of cameras. While that of another
+    /// set is known and its own is not, a frame counts only right after one of a known set, and with the whole head in it:
+    /// what changes with the cameras may be the head.
+    fn complete(&self, set: usize, density: f64, may_hide: bool, time: u64) -> f64 {
+        let own = &self.densities[set];
+        let is_first = own.is_known() || !self.densities.iter().any(Density::is_known);
+        let is_near = self.sure.is_some_and(|sure| time.saturating_sub(sure) <= MEASURED_WITHIN);
+        if is_first || (is_near && !may_hide) { own.complete(density) } else { 0.0 }
     }
 
     /// Limit of the movement of the halves against each other, m, in a frame where it is `apart`.
@@ -260,6 +294,7 @@ impl Identity {
     /// anew, and movements of its pieces count from now on.
     pub fn refine(&mut self, surface: &Surface) {
         self.densities = [Density::default(); CAMERA_SETS];
+        (self.proven_sets, self.is_of_proven) = (0, true);
         self.pieces = Pieces::of(surface);
         self.has_face = surface.has_face();
         self.apart.clear();
@@ -304,10 +339,14 @@ impl Identity {
         self.pieces.known()
     }
 
-    /// Whether the parts were seen to move together.
+    /// Whether the parts were seen to move together. A frame of other cameras than those with which they were is not proven:
+    /// how many points these see of the head was measured without a proof.
     #[must_use]
     pub fn proof(&self) -> Proof {
-        self.proof
+        match self.proof {
+            Proof::Proven if !self.is_of_proven => Proof::Waiting,
+            proof => proof,
+        }
     }
 
     /// Share of the points in pieces that were seen to move with the rest, over the share that proves the head; zero while

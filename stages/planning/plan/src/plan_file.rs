@@ -544,6 +544,11 @@ impl PlanFile {
     pub fn angles_deg(&self) -> Vec<f64> {
         self.beams.iter().map(|beam| beam.gantry_deg).collect()
     }
+
+    /// Couch angles of the beams, degrees.
+    pub fn couches_deg(&self) -> Vec<f64> {
+        self.beams.iter().map(|beam| beam.couch_deg).collect()
+    }
 }
 
 impl From<&Grid> for PlanFileGrid {

@@ -2,12 +2,14 @@
 //!
 //! With `BLESS=1` the vectors are written. Without a C compiler the tests of the C far end say that they skip.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write as _};
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use hmac::{Hmac, Mac};
 use proptest::prelude::*;
@@ -138,8 +140,15 @@ fn by_rust(script: &str) -> Vec<String> {
     said
 }
 
-/// Compiles a program of the folder; `None` without a C compiler. The sanitizers are used where the compiler has them.
-fn compiled(name: &str) -> Option<PathBuf> {
+/// A program of the folder, compiled once by whichever test needs it first; `None` without a C compiler.
+fn compiled(name: &'static str) -> Option<PathBuf> {
+    static PROGRAMS: Mutex<BTreeMap<&str, Option<PathBuf>>> = Mutex::new(BTreeMap::new());
+    let mut programs = PROGRAMS.lock().unwrap_or_else(PoisonError::into_inner);
+    programs.entry(name).or_insert_with(|| compile(name)).clone()
+}
+
+/// Compiles a program of the folder. The sanitizers are used where the compiler has them.
+fn compile(name: &str) -> Option<PathBuf> {
     let cc = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
     if Command::new(&cc).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_err() {
         eprintln!("skipped: there is no C compiler ({cc})");
@@ -479,6 +488,8 @@ fn the_program_in_c_follows_orders_over_udp_and_vents_when_they_end() {
     let Some(program) = compiled("main") else { return };
     let folder = tempfile_with_key();
     let acknowledgements = UdpSocket::bind("127.0.0.1:0").unwrap();
+    // A lost datagram is a failure, not a test that waits for ever.
+    acknowledgements.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
     let answers = acknowledgements.local_addr().unwrap().port();
     let [valves, beam] = free_ports();
     let arguments = [6, valves, beam, answers].map(|number| number.to_string());
@@ -489,10 +500,10 @@ fn the_program_in_c_follows_orders_over_udp_and_vents_when_they_end() {
     let now = || SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
     let s = Session { started: now(), nonce: 1 };
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let life = 1000 * MS;
     let sending = |number: u64| {
         let what = if number == 0 { Order::Hold } else { Order::Follow };
-        // A machine that stands still for a while ends no order: each lives for half a second.
-        let life = 500 * MS;
+        // A machine that stands still for a while ends no order: each lives for as long as an order may.
         let order = Message { stamp: now(), life, ..order(s, number, 0, what) };
         let lease = Message { stamp: order.stamp, life, ..lease(s, number, 0, what) };
         socket.send_to(&bytes(&order), ("127.0.0.1", valves)).unwrap();
@@ -530,7 +541,7 @@ fn the_program_in_c_follows_orders_over_udp_and_vents_when_they_end() {
     assert!(said.iter().any(|(_, what)| what.starts_with("follow beam on")), "{said:?}");
     let [.., (off, last_hold), (vents, _)] = &said[..] else { panic!("{said:?}") };
     assert_eq!(last_hold, "hold beam off", "{said:?}");
-    assert!(*off >= last_sent + 500 * MS && off < vents, "{said:?} {last_sent}");
+    assert!(*off >= last_sent + life && off < vents, "{said:?} {last_sent}");
 }
 
 /// A file with the key of the tests, which only its owner may read.

@@ -6,7 +6,7 @@ use stillpoint_rig::head::Head;
 use stillpoint_rig::ray::{self, Ray};
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{
-    IdentityPart, PieceState, PoseReportElement, PoseStatus, Proof, SurfacePiece, Verb,
+    Health, IdentityPart, PieceState, PoseReportElement, PoseStatus, Proof, SensorHealth, SurfacePiece, Verb,
 };
 use stillpoint_testing::Bench;
 
@@ -200,6 +200,49 @@ fn a_mask_that_stays_where_the_head_was_is_not_the_head() {
     let gone = feed(&mut bench, &masked(&camera_from_body(), &Isometry3::identity(), false));
     assert_eq!((gone.status(), gone.pose), (PoseStatus::Doubted, None), "{:?}", gone.report);
     assert!(part(&gone.report, IdentityPart::Overlap) < 0.5, "{:?}", gone.report.certainty);
+}
+
+/// Notes the cameras of the next frames.
+fn cameras(bench: &mut Bench, reasons: [&str; 2]) {
+    let camera = |reason| SensorHealth {
+        age: 0.0,
+        since: 0.0,
+        distance: f64::NAN,
+        used: 0,
+        left_out: 0,
+        name: [0; 16],
+        reason: SensorHealth::field(reason),
+    };
+    bench.feed::<Health>(5, &(), &reasons.map(camera), 0);
+}
+
+/// How many points other cameras see of a head is measured without a proof, so the head may have gone with the cameras.
+#[test]
+fn what_other_cameras_see_is_not_proven_and_long_after_is_not_even_a_pose() {
+    for (gap_ms, is_soon) in [(100, true), (5000, false)] {
+        let mut bench = bench(str::to_owned);
+        cameras(&mut bench, ["used", "used"]);
+        let mut time = 0;
+        let mut at = |bench: &mut Bench, ms: u64, height: f64| {
+            time += ms;
+            bench.at(time * MS);
+            feed(bench, &head(&moved([0.0, 0.0, height], [0.0; 3])))
+        };
+        let heights = [0.0, 1e-5, -1e-5, 2e-5, -2e-5, 0.21e-3, 0.22e-3, 0.23e-3];
+        let there = heights.map(|height| at(&mut bench, 100, height));
+        assert_eq!(there[7].report.proof, Proof::Proven as u32, "{:?}", there[7].report);
+        cameras(&mut bench, ["used", "late"]);
+        for frame in 0..8 {
+            // A cloud that repeats itself is that of a frozen camera.
+            let height = 0.2e-3 + 1e-6 * f64::from(frame);
+            let other = at(&mut bench, if frame == 0 { gap_ms } else { 50 }, height);
+            assert_ne!(other.report.proof, Proof::Proven as u32, "{frame}: {:?}", other.report);
+            assert_eq!(other.pose.is_some(), is_soon, "{frame}: {:?}", other.report);
+        }
+        cameras(&mut bench, ["used", "used"]);
+        let back = at(&mut bench, 100, 0.2e-3);
+        assert_eq!((back.report.proof, back.status()), (Proof::Proven as u32, PoseStatus::Tracked));
+    }
 }
 
 #[test]

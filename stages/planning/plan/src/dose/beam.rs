@@ -140,6 +140,7 @@ impl Aim {
 
 pub(super) fn influence(engine: &DoseEngine, angles: BeamAngles) -> Result<BeamInfluence, DoseError> {
     let aim = Aim::new(engine, angles)?;
+    engine.check_entry(angles, aim.bixels_mm.iter().copied())?;
     let voxels = Voxels::near(engine, &aim.frame, &aim.bixels_mm);
     let depth_dose = &voxels.depth_dose;
     let mut starts = Vec::with_capacity(aim.bixels_mm.len() + 1);

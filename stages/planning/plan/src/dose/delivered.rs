@@ -66,6 +66,8 @@ impl DoseEngine {
         if found != expected {
             return Err(DoseError::Weights { angles, expected, found });
         }
+        let lit = aim.bixels_mm.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
+        self.check_entry(angles, lit.map(|(place, _)| *place))?;
         if let Some(section) = self.superposition()? {
             let of = |(bixel_mm, weight): (&[f64; 2], &f64)| {
                 (aim.centre_mm(*bixel_mm), *weight as f32 * aim.fluence(self, *bixel_mm))

@@ -1,7 +1,7 @@
 //! The engine: a patient, a machine and params, made ready to give the dose of any beam.
 
 use super::angles::BeamAngles;
-use super::beam::{self, BeamInfluence, BeamRows};
+use super::beam::{self, Aim, BeamInfluence, BeamRows};
 use super::bixels::{self, BixelSpec};
 use super::density;
 use super::depth::corners;
@@ -294,6 +294,30 @@ impl DoseEngine {
                 most_mm: frame.sad_mm() - SOURCE_CLEARANCE_MM,
             }),
         }
+    }
+
+    /// Refuses a beam of a turned couch that enters the patient where the images end: what these bixels cross before is not
+    /// known.
+    pub(super) fn check_entry(
+        &self,
+        angles: BeamAngles,
+        bixels_mm: impl IntoIterator<Item = [f64; 2]>,
+    ) -> Result<(), DoseError> {
+        if angles.is_coplanar() {
+            return Ok(());
+        }
+        let frame = BeamFrame::new(angles, self.position, self.isocentre_mm, self.machine.file().sad_mm);
+        let (mut bixels, mut by_end) = (0, 0);
+        for place in bixels_mm {
+            bixels += 1;
+            by_end += usize::from(self.outline.is_entered_by_an_end(&frame, place));
+        }
+        if by_end == 0 { Ok(()) } else { Err(DoseError::CutEnd { angles, bixels, by_end }) }
+    }
+
+    /// Whether a beam of these angles can be computed: it has bixels, and its source and its way are in the room and the images.
+    pub(crate) fn has_beam(&self, angles: BeamAngles) -> bool {
+        Aim::new(self, angles).and_then(|aim| self.check_entry(angles, aim.bixels_mm)).is_ok()
     }
 
     /// Dose of several beams, on several threads. Any number of threads gives the same bytes.

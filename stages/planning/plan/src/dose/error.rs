@@ -51,6 +51,19 @@ pub enum DoseError {
         /// The most that it may be, mm.
         most_mm: f64,
     },
+    /// A beam passes through a part of the patient that the images lack.
+    #[error(
+        "the beam at {angles} degrees enters the patient by the end of the images with {by_end} of {bixels} bixels, and what it \
+         crosses before is not known: take images of more of the patient, or another couch angle"
+    )]
+    CutEnd {
+        /// The angles of the beam.
+        angles: BeamAngles,
+        /// Bixels of the beam.
+        bixels: usize,
+        /// Those that enter by an end.
+        by_end: usize,
+    },
     /// A case does not say where the patient is.
     #[error("the case has no outline of the patient: name it in a names table, or contour it")]
     NoOutline,

@@ -74,6 +74,16 @@ impl Outline {
         segments(&self.grid, frame.source_mm(), beyond).any(|segment| self.inside.contains(segment.voxel))
     }
 
+    /// Whether the ray through a place of the isocentre plane enters the patient where the images end: by the first or the
+    /// last of them. What lies before it is not in them.
+    pub fn is_entered_by_an_end(&self, frame: &BeamFrame, [x, z]: [f64; 2]) -> bool {
+        let beyond = frame.patient_from_beam([2.0 * x, 2.0 * frame.sad_mm(), 2.0 * z]);
+        let mut segments = segments(&self.grid, frame.source_mm(), beyond);
+        let first = segments.find(|segment| self.inside.contains(segment.voxel));
+        let last = self.grid.counts[2] - 1;
+        first.is_some_and(|segment| [0, last].contains(&self.grid.voxel(segment.voxel)[2]))
+    }
+
     /// Whether every ray of a bixel that stands for a part of its area crosses the patient at least `inside_mm` within the
     /// edge of what the source sees of him; with a negative length, at most so far beside it.
     pub fn holds(&self, frame: &BeamFrame, bixel_mm: [f64; 2], width_mm: f64, inside_mm: f64) -> bool {

@@ -8,7 +8,7 @@ use super::spec::RobustBy;
 use crate::beams::{
     Budget, ChoiceError, Evaluated, Evaluator, LazyDoses, RingError, Stop, candidates, improve,
 };
-use crate::dose::{CacheError, DoseCache};
+use crate::dose::{BeamAngles, CacheError, DoseCache};
 
 /// Least rise of a mean dose that is reported, Gy.
 const LEAST_RISE_GY: f64 = 0.5;
@@ -59,7 +59,8 @@ pub enum CouchError {
 impl PlanSearch {
     /// Exchanges beams of a plan without couch angles for others at couch angles up to `most_deg` to both sides, where gantry and
     /// couch of the machine have room, as long as that is better. The budget is that of this search once more; it begins
-    /// with a solve of the set of the plan, so the result is never worse.
+    /// with a solve of the set of the plan, so its objective is never worse. Directions that have no beam are no candidates: a beam that enters
+    /// the patient by the end of the images is none.
     ///
     /// # Errors
     /// A dose cannot be computed, or the goals are those of the robust game.
@@ -75,13 +76,14 @@ impl PlanSearch {
         }
         let before = &coplanar.choice.best;
         let beams = coplanar.directions.all(before.beams.beams());
-        let directions = candidates(&beams, most_deg, &setup.spec.machine.free_angles())?;
+        let has_beam = |angles: BeamAngles| setup.engines().iter().all(|engine| engine.has_beam(angles));
+        let directions = candidates(&beams, most_deg, &setup.spec.machine.free_angles(), has_beam)?;
         let start: Vec<u16> = beams.iter().filter_map(|angles| directions.beam(*angles)).collect();
         let start = directions.set(&start)?;
         let doses = LazyDoses::new(&directions, &setup.goals, setup.engines(), cache, self.threads);
         let budget = Budget { solves: self.budget };
         let evaluator = Evaluator::new(&doses, &setup.goals, directions.ring(), self.beams, budget);
-        let mut evaluator = evaluator.with_threads(self.threads);
+        let mut evaluator = evaluator.with_threads(self.threads).with_leaves(self.leaves);
         let ended = improve(&mut evaluator, &start);
         let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
         let best = evaluator.best().cloned();

@@ -40,7 +40,11 @@ fn carried([x, y, z]: [f64; 3], couch_deg: f64) -> [f64; 3] {
 
 /// The patient on a couch that was turned by this much, in a frame that did not turn with him.
 fn engine(turned_deg: f64, engine: EngineName) -> DoseEngine {
-    let counts = [44, 32, 44];
+    engine_of([44, 32, 44], turned_deg, engine)
+}
+
+/// The same in an image of so many voxels.
+fn engine_of(counts: [usize; 3], turned_deg: f64, engine: EngineName) -> DoseEngine {
     let origin_mm = counts.map(|n| -0.5 * (n as f64 - 1.0) * SPACING_MM);
     let grid = Grid { counts, spacing_mm: [SPACING_MM; 3], origin_mm };
     let kinds: Vec<At> =
@@ -106,6 +110,24 @@ fn a_quarter_turn_of_the_couch_is_one_of_the_patient_to_the_bit_nearly() {
                 assert!(difference(&still, &wrong, &expected, couch_deg) > 0.03);
             }
         }
+    }
+}
+
+/// Without density beyond the last image, such a beam would begin at the cut face: too much dose, and nothing would say so.
+#[test]
+fn a_beam_that_enters_by_the_end_of_the_images_is_refused_and_other_beams_are_not() {
+    for name in EngineName::ALL {
+        let cut = engine_of([44, 32, 28], 0.0, name);
+        let along = BeamAngles::from([90.0, 90.0]);
+        let refused =
+            [cut.beam(along).map(|_| ()), cut.weighted_bixels(along, &[[0.0, 0.0]], &[1.0]).map(|_| ())];
+        for refused in refused {
+            let text = refused.unwrap_err().to_string();
+            assert!(text.contains("90@90") && text.contains("by the end of the images"), "{text}");
+        }
+        assert!(cut.weighted_bixels(along, &[[0.0, 0.0]], &[0.0]).is_ok(), "nothing is delivered");
+        assert!(cut.beam([0.0, 90.0]).is_ok() && cut.beam(90.0).is_ok());
+        assert!(engine(0.0, name).beam(along).is_ok(), "the whole patient is in the images");
     }
 }
 

@@ -46,8 +46,8 @@ pub struct PlanArgs {
     #[arg(long, value_name = "PLAN", conflicts_with_all = ["angles", "couch", "beams", "budget", "leaves", "method", "compare", "prior", "robust_by"])]
     pub(super) start: Option<PathBuf>,
     /// Couch angles (patient support, IEC 61217): `0`, `free` as far as the machine has room, or the largest angle to both sides
-    /// in degrees, such as `30`. The search begins with the best beams at couch 0 and has its budget once more, so the plan
-    /// is never worse. plan.json reports which structures get more dose than without couch angles.
+    /// in degrees, 15 or more, such as `30`. The search begins with the best beams at couch 0 and has its budget once more, so
+    /// its objective is never worse. plan.json reports which structures with objectives get more dose than without couch angles.
     #[arg(long, value_name = "ANGLE", default_value = "0", conflicts_with_all = ["angles"])]
     pub(super) couch: String,
     /// Run every method, each with the whole budget, and keep the best plan.

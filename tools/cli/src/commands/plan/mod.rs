@@ -55,7 +55,7 @@ pub(super) use request::machine as machine_of;
 ///
 /// Without a case, the synthetic pelvis of seed 0 is planned. Several cases are a queue: each is planned as if it were alone,
 /// and the output is a table. A case whose plan failed does not stop the others, and a plan that an earlier call finished with
-/// the same case, arguments and build is not made again: the file request.json in its folder records them. Beams stand at least 20 degrees apart on a ring of 90 angles.
+/// the same case, arguments and build is not made again: the file request.json in its folder records them. Without --angles and --couch, beams stand at least 20 degrees apart on a ring of 90 angles.
 /// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
 /// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
 #[derive(Args)]
@@ -94,7 +94,10 @@ impl Plan {
             [] => None,
             [case] => Some(case.as_path()),
             cases if args.start.is_some() => {
-                return Err(Failure::wrong(format!("{} cases are given: give one with --start", cases.len())));
+                return Err(Failure::wrong(format!(
+                    "{} cases are given: give one with --start",
+                    cases.len()
+                )));
             }
             cases => return Queue::new(args, cases, threads)?.execute(),
         };

@@ -318,6 +318,7 @@ impl Row {
             "refused": self.is_refused(),
             "objective": plan.map(|plan| plan.objective),
             "angles_deg": plan.map(PlanFile::angles_deg),
+            "couches_deg": plan.map(PlanFile::couches_deg),
             "solves": plan.map(solves),
             "limits_failed": plan.map(limits_failed),
             "seconds": self.seconds,

@@ -98,7 +98,9 @@ impl Request {
         if let Some(angles) = &angles {
             spec = spec.for_angles(angles).map_err(|e| match (&given.start, &given.angles) {
                 (Some(path), _) => Failure::wrong(format!("{}: {e}", path.display())),
-                (None, text) => Failure::wrong(format!("--angles {}: {e}", text.as_deref().unwrap_or_default())),
+                (None, text) => {
+                    Failure::wrong(format!("--angles {}: {e}", text.as_deref().unwrap_or_default()))
+                }
             })?;
         }
         let threads = patient.threads;
@@ -223,9 +225,10 @@ fn couch_deg(given: &PlanArgs) -> Result<f64, Failure> {
     let number = text.trim_start_matches('\u{b1}').trim_end_matches("deg").trim();
     match number.parse::<f64>() {
         _ if text == "free" => Ok(180.0),
-        Ok(deg) if (0.0..=180.0).contains(&deg) => Ok(deg),
+        // Below the step of the candidates there is none.
+        Ok(deg) if deg == 0.0 || (15.0..=180.0).contains(&deg) => Ok(deg),
         _ => Err(Failure::wrong(format!(
-            "invalid couch angle: --couch {text} (allowed: free, or the largest angle to both sides, 0 to 180 degrees)"
+            "invalid couch angle: --couch {text} (allowed: 0, free, or the largest angle to both sides, 15 to 180 degrees)"
         ))),
     }
 }

@@ -140,7 +140,7 @@ pub fn couch(couch: &PlanFileCouch) -> String {
     for higher in &couch.higher {
         let PlanFileHigher { structure, coplanar_gy, mean_gy } = higher;
         text += &format!(
-            "\n  {structure} gets more: mean {mean_gy:.1} Gy, {coplanar_gy:.1} Gy without couch angles"
+            "\n  {structure} gets more by the doses of the search: mean {mean_gy:.1} Gy, {coplanar_gy:.1} Gy without couch angles"
         );
     }
     text

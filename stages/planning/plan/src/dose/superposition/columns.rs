@@ -28,6 +28,7 @@ pub(in crate::dose) fn influence(
     section: &Superposition,
 ) -> Result<BeamRows, DoseError> {
     let aim = Aim::new(engine, angles)?;
+    engine.check_entry(angles, aim.bixels_mm.iter().copied())?;
     let bixels: Vec<([f64; 2], f32)> = aim.bixels_with_fluence(engine);
     let shape = BixelShape::new(engine.params.bixels.width_mm, engine.machine.file().penumbra_fwhm_at_iso_mm);
     let map = FluenceMap::new(&bixels, &shape);
