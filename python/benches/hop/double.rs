@@ -84,6 +84,8 @@ impl Operator for Double {
     }
 }
 
+const STAGES: &[Stage] = &[Stage::of::<Source>(), Stage::of::<Double>()];
+
 fn main() -> std::process::ExitCode {
-    program::main(&[Stage::of::<Source>(), Stage::of::<Double>()])
+    program::main(STAGES)
 }

@@ -287,18 +287,18 @@ mod tests {
         merge.close(0, |_| true);
         assert!(!merge.take(0, &cloud(1.0, 1), 50 * MS));
         assert!(merge.take(0, &cloud(1.0, 2), 100 * MS), "its second");
-        merge.close(100 * MS, |_| true);
-        assert_eq!(parts(&merge), [Part::Used, Part::Used], "as old as is allowed");
+        assert_eq!(merge.close(100 * MS, |_| true), 100 * MS, "the time never repeats");
+        assert_eq!(parts(&merge), [Part::Used, Part::Late], "merged before");
         assert!(merge.take(0, &cloud(1.0, 3), 150 * MS), "nobody waits for the other any more");
-        merge.close(150 * MS, |_| true);
+        assert_eq!(merge.close(150 * MS, |_| true), 150 * MS);
         assert_eq!(parts(&merge), [Part::Used, Part::Late]);
         // An old cloud that arrives now makes no merged one, and a new one takes part.
         assert!(!merge.take(1, &cloud(-1.0, 1), 20 * MS) && !merge.take(1, &cloud(-1.0, 2), 40 * MS));
         assert!(!merge.take(1, &cloud(-1.0, 3), 190 * MS) || parts(&merge).len() == 2);
         assert!(merge.take(0, &cloud(1.0, 4), 200 * MS));
-        merge.close(200 * MS, |_| true);
+        assert_eq!(merge.close(200 * MS, |_| true), 190 * MS);
         assert_eq!(parts(&merge), [Part::Used, Part::Used]);
-        assert_eq!(merge.cameras()[1].counts(), [3, 1]);
+        assert_eq!(merge.cameras()[1].counts(), [2, 2]);
     }
 
     #[test]
