@@ -15,8 +15,11 @@ use crate::protocol::{Judged, Served};
 use crate::recipe::{MethodName, StartFluence};
 use crate::recompute::BeamFluence;
 
-/// Version of the file that this build writes, and the newest that it reads.
-pub const PLAN_FILE_VERSION: u32 = 1;
+/// Newest version of the file, which this build reads and writes: that of plans with couch angles. A build that knows none
+/// refuses it, and does not take its beams for others.
+pub const PLAN_FILE_VERSION: u32 = 2;
+/// Version of plans without couch angles.
+const COPLANAR_VERSION: u32 = 1;
 
 /// What every plan file says to people.
 pub const WARNING: &str = "Research only. No plan made by stillpoint may treat a patient.";
@@ -507,6 +510,12 @@ impl PlanFile {
         Ok(serde_json::from_slice(bytes)?)
     }
 
+    /// The version that a plan of these beams is written as.
+    pub fn version_of(beams: &[PlanFileBeam]) -> u32 {
+        let is_coplanar = beams.iter().all(|beam| beam.couch_deg == 0.0);
+        if is_coplanar { COPLANAR_VERSION } else { PLAN_FILE_VERSION }
+    }
+
     /// The text of the file.
     ///
     /// # Errors
@@ -592,9 +601,9 @@ mod tests {
 
     #[test]
     fn a_file_of_a_newer_version_is_refused_by_its_version() {
-        let newer = br#"{ "version": 2, "beams_of_a_new_shape": [] }"#;
+        let newer = br#"{ "version": 3, "beams_of_a_new_shape": [] }"#;
         let refused = PlanFile::from_json(newer).unwrap_err().to_string();
-        assert!(refused.starts_with("unknown version of plan.json: 2 (allowed: up to 1)"), "{refused}");
+        assert!(refused.starts_with("unknown version of plan.json: 3 (allowed: up to 2)"), "{refused}");
         assert!(PlanFile::from_json(b"{}").unwrap_err().to_string().contains("missing field"));
     }
 }

@@ -182,6 +182,9 @@ fn couch_angles_are_searched_from_the_best_beams_without_them() {
     let beams = reported["beams"].as_array().unwrap();
     let couches = beams.iter().map(|beam| beam.get("couch_deg").map_or(0.0, |deg| deg.as_f64().unwrap()));
     assert!(couches.clone().count() == 3 && couches.clone().all(|deg| deg.abs() <= 30.0), "{beams:?}");
+    // A build that knows no couch angles refuses the file.
+    let is_turned = couches.clone().any(|deg| deg != 0.0);
+    assert!(is_turned && reported["version"] == 2, "{beams:?}");
     // The plan is that of its beams.
     let difference = reported["objective"].as_f64().unwrap() / number("objective") - 1.0;
     assert!(difference.abs() < 1e-5, "{difference}");
@@ -529,6 +532,8 @@ fn the_robust_game_is_played_by_any_method_and_tells_its_worst_case() {
     assert!(page.contains("Robust game: the objective is"));
     // Without the game the same options plan for the mean, and without a shift there is none to play.
     assert!(plan(folder.path(), &[&asked[..], &["--out", "mean"]].concat())["robust_game"].is_null());
+    let turned = stillpoint(folder.path(), &["plan", "--robust", "--robust-by", "worst", "--couch", "30"]);
+    assert!(turned.status.code() == Some(2) && text(&turned.stderr).contains("leave out --couch"));
     let alone = stillpoint(folder.path(), &["plan", "--robust-by", "worst"]);
     assert!(!alone.status.success() && text(&alone.stderr).contains("--robust"), "{}", text(&alone.stderr));
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::ring::{BeamSet, Ring, RingError};
 use crate::dose::BeamAngles;
 
-/// Angles that differ by less are the same, degrees: half of a hundredth.
-const SAME_DEG: f64 = 0.005;
+/// Angles that differ by no more are the same, degrees: half of a hundredth, and what its sums round to.
+const SAME_DEG: f64 = 0.005 + 1e-9;
 
 /// The angles of numbered beams: those of a ring around the patient with the couch at 0 degrees, or those of a list with any
 /// angles of gantry and couch.
@@ -114,6 +114,16 @@ impl Directions {
     pub fn set(&self, beams: &[u16]) -> Result<BeamSet, RingError> {
         self.ring.set(beams)
     }
+
+    /// The set of the beams with these angles, in any order.
+    ///
+    /// # Errors
+    /// A beam is not among the directions, or the ring has no such set.
+    pub fn set_of(&self, angles: &[BeamAngles]) -> Result<BeamSet, RingError> {
+        let beam =
+            |angles: &BeamAngles| self.beam(*angles).ok_or_else(|| RingError::Unlisted(angles.to_string()));
+        self.set(&angles.iter().map(beam).collect::<Result<Vec<u16>, _>>()?)
+    }
 }
 
 /// To hundredths of a degree, wrapped.
@@ -149,6 +159,16 @@ mod tests {
         assert_eq!(three.all(&[0, 1, 2]), angles(&[[0.0, 0.0], [72.0, -30.0], [72.0, 30.0]]));
         assert_eq!(three.beam([432.0, 30.001].into()), Some(2));
         assert_eq!(three.beam([72.0, 0.0].into()), None);
+        assert_eq!(three.set_of(&angles(&[[72.0, 30.0], [0.0, 0.0]])).unwrap().beams(), [0, 2]);
+        assert_eq!(three.set_of(&angles(&[[1.0, 0.0]])), Err(RingError::Unlisted("1".to_owned())));
+        // Angles between two hundredths are those that they were rounded to.
+        for thousandths in (5..36_000).step_by(10) {
+            let between = f64::from(thousandths) / 1000.0;
+            let two = of(&[[between, 30.0], [200.0, 0.0]]).unwrap();
+            assert!(two.beam([between, 30.0].into()).is_some(), "{between}");
+            let flat = of(&[[between, 0.0], [200.0, 0.0]]).unwrap();
+            assert!(flat.beam([between, 0.0].into()).is_some(), "{between}");
+        }
         assert_eq!(three.set(&[2, 0]).unwrap().beams(), [0, 2]);
         assert!(matches!(of(&[[72.0, 30.0], [432.0, 390.0]]), Err(RingError::Twice(_))));
         assert!(matches!(of(&[[72.0, f64::NAN]]), Err(RingError::Angle(_))));

@@ -20,8 +20,8 @@ pub trait Influence: Sync {
     /// The matrix of a beam: rows are voxels of the dose grid, in one set-up or several; columns its bixels.
     fn beam(&self, beam: u16) -> Setups<'_>;
 
-    /// The candidates that are worth a price beside a solved set, or beside no beam; `None` where all are. The others have the
-    /// price 0.
+    /// The candidates that are worth a price beside a solved set, or beside no beam; `None` where all are. The others have no
+    /// price: that of minus infinity.
     fn shortlist(&self, _base: Option<&Evaluated>, _candidates: &[u16]) -> Option<Vec<u16>> {
         None
     }

@@ -36,14 +36,14 @@ pub fn dearest<I: Influence + ?Sized>(
     Ok(by_price(evaluator, base, candidates)?.first().copied())
 }
 
-/// The candidates, the highest price first.
+/// The candidates that have a price, the highest first.
 pub fn by_price<I: Influence + ?Sized>(
     evaluator: &mut Evaluator<'_, I>,
     base: Option<&Evaluated>,
     candidates: &[u16],
 ) -> Result<Vec<u16>, Stop> {
     let prices = evaluator.price(base, candidates)?;
-    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    let mut order: Vec<usize> = (0..candidates.len()).filter(|at| prices[*at] > f64::NEG_INFINITY).collect();
     order.sort_by(|a, b| prices[*b].total_cmp(&prices[*a]));
     Ok(order.into_iter().map(|i| candidates[i]).collect())
 }

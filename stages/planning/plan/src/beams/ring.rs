@@ -21,6 +21,9 @@ pub enum RingError {
     /// Two beams of one angle.
     #[error("two beams have the gantry angle {0} degrees (to 0.01 degrees): give each angle once")]
     Twice(String),
+    /// A beam that is not among the directions.
+    #[error("no direction has the angles {0} degrees")]
+    Unlisted(String),
     /// Too many beams to be numbered.
     #[error("{0} directions of beams are too many (allowed: 65535)")]
     Many(usize),

@@ -115,7 +115,7 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         let slopes = slopes_at(self.goals, base.map(|base| &base.plan))?;
         let short = influence.shortlist(base, candidates);
         on_threads(candidates, self.threads, |candidate| match &short {
-            Some(short) if !short.contains(candidate) => Ok(0.0),
+            Some(short) if !short.contains(candidate) => Ok(f64::NEG_INFINITY),
             _ => Ok(price_beam(self.goals, &slopes, &influence.beam(*candidate))?),
         })
     }

@@ -53,7 +53,7 @@ pub enum DoseError {
     },
     /// A beam passes through a part of the patient that the images lack.
     #[error(
-        "the beam at {angles} degrees enters the patient by the end of the images with {by_end} of {bixels} bixels, and what it \
+        "the beam at {angles} degrees comes to the patient by the end of the images with {by_end} of {bixels} bixels, and what it \
          crosses before is not known: take images of more of the patient, or another couch angle"
     )]
     CutEnd {

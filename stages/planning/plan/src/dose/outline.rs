@@ -21,6 +21,8 @@ const AROUND: [[f64; 2]; 8] =
     [[-1.0, -1.0], [-1.0, 0.0], [-1.0, 1.0], [0.0, -1.0], [0.0, 1.0], [1.0, -1.0], [1.0, 0.0], [1.0, 1.0]];
 /// Where the rays of a bixel run, in parts of its width: its axis and the middles of its quarters.
 const RAYS: [[f64; 2]; 5] = [[0.0, 0.0], [-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]];
+/// Distance within which a ray that comes into a box is on a face of it, mm.
+const FACE_MM: f64 = 1e-6;
 /// Distance between samples along a pencil, mm.
 const STEP_MM: f64 = 1.0;
 
@@ -77,17 +79,20 @@ impl Outline {
         segments(&self.grid, frame.source_mm(), beyond).any(|segment| self.inside.contains(segment.voxel))
     }
 
-    /// Whether the ray through a place of the isocentre plane enters the patient where the images end: by the first or the
-    /// last of them. What lies before it is not in them.
+    /// Whether the ray from the source through a place of the isocentre plane (mm) crosses the patient, and comes to him through
+    /// the room beyond the first or the last image where he goes on: the box around him, continued there. What it crosses in
+    /// that room is not known.
     pub fn is_entered_by_an_end(&self, frame: &BeamFrame, [x, z]: [f64; 2]) -> bool {
-        let beyond = frame.patient_from_beam([2.0 * x, 2.0 * frame.sad_mm(), 2.0 * z]);
-        let mut segments = segments(&self.grid, frame.source_mm(), beyond);
-        let first = segments.find(|segment| self.inside.contains(segment.voxel));
-        let ends = [0, self.grid.counts[2] - 1];
-        first.is_some_and(|segment| {
-            let slice = self.grid.voxel(segment.voxel)[2];
-            ends.iter().zip(self.is_cut).any(|(end, is_cut)| is_cut && slice == *end)
-        })
+        let (source, beyond) =
+            (frame.source_mm(), frame.patient_from_beam([2.0 * x, 2.0 * frame.sad_mm(), 2.0 * z]));
+        let Some(first) = segments(&self.grid, source, beyond).next() else { return false };
+        let length_mm = self.grid.counts[2] as f64 * self.grid.spacing_mm[2];
+        let low_mm = self.grid.origin_mm[2] - 0.5 * self.grid.spacing_mm[2];
+        let enters_mm = source[2] + first.begin * (beyond[2] - source[2]);
+        let is_at = |end_mm: f64| (enters_mm - end_mm).abs() < FACE_MM;
+        let comes_by_an_end = (self.is_cut[0] && source[2] < low_mm && is_at(low_mm))
+            || (self.is_cut[1] && source[2] > low_mm + length_mm && is_at(low_mm + length_mm));
+        comes_by_an_end && self.is_crossed(frame, [x, z])
     }
 
     /// Whether every ray of a bixel that stands for a part of its area crosses the patient at least `inside_mm` within the

@@ -78,8 +78,7 @@ impl PlanSearch {
         let beams = coplanar.directions.all(before.beams.beams());
         let has_beam = |angles: BeamAngles| setup.engines().iter().all(|engine| engine.has_beam(angles));
         let directions = candidates(&beams, most_deg, &setup.spec.machine.free_angles(), has_beam)?;
-        let start: Vec<u16> = beams.iter().filter_map(|angles| directions.beam(*angles)).collect();
-        let start = directions.set(&start)?;
+        let start = directions.set_of(&beams)?;
         let doses = LazyDoses::new(&directions, &setup.goals, setup.engines(), cache, self.threads);
         let budget = Budget { solves: self.budget };
         let evaluator = Evaluator::new(&doses, &setup.goals, directions.ring(), self.beams, budget);

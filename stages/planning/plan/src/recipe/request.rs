@@ -221,11 +221,7 @@ impl PlanRequest {
         Ok(match self.method {
             MethodName::Equidistant => Method::Equidistant,
             MethodName::Class => Method::Class(class_solution(self.beams)),
-            MethodName::Given => {
-                let beams: Vec<u16> =
-                    self.angles.iter().filter_map(|angles| directions.beam(*angles)).collect();
-                Method::Sets(vec![directions.set(&beams)?])
-            }
+            MethodName::Given => Method::Sets(vec![directions.set_of(&self.angles)?]),
             MethodName::Random => Method::Random,
             MethodName::Greedy => Method::Greedy,
             MethodName::Exchange => Method::Exchange(starts()),

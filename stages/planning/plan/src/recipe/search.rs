@@ -141,8 +141,7 @@ impl PlanSearch {
     /// # Errors
     /// The directions make no set.
     pub fn of_directions(&self, directions: &Directions, angles: &[BeamAngles]) -> Result<Self, RingError> {
-        let beams: Vec<u16> = angles.iter().filter_map(|angles| directions.beam(*angles)).collect();
-        let set = directions.set(&beams)?;
+        let set = directions.set_of(angles)?;
         Ok(Self { directions: directions.clone(), ..self.of_beams(&set) })
     }
 

@@ -126,6 +126,9 @@ fn a_beam_that_enters_by_the_end_of_the_images_is_refused_and_other_beams_are_no
             assert!(text.contains("90@90") && text.contains("by the end of the images"), "{text}");
         }
         assert!(cut.weighted_bixels(along, &[[0.0, 0.0]], &[0.0]).is_ok(), "nothing is delivered");
+        // It passes the last image beside the patient, who may be wider beyond it, and enters him from the side.
+        assert!(cut.weighted_bixels([90.0, 45.0], &[[0.0, 0.0]], &[1.0]).is_err());
+        assert!(cut.weighted_bixels([90.0, 20.0], &[[0.0, 0.0]], &[1.0]).is_ok(), "far beside him");
         assert!(cut.beam([0.0, 90.0]).is_ok() && cut.beam(90.0).is_ok());
         let whole = engine(0.0, name).beam(along).map(|_| ());
         assert!(whole.is_ok(), "the whole patient is in the images: {whole:?}");

@@ -10,9 +10,9 @@ use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::plan_file::{
-    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose,
-    PlanFileFigures, PlanFileGame, PlanFileGrid, PlanFileLowDensity, PlanFileMachine, PlanFileObjectives,
-    PlanFilePoints, PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
+    Histogram, PlanFile, PlanFileBeam, PlanFileCase, PlanFileCheck, PlanFileDose, PlanFileFigures,
+    PlanFileGame, PlanFileGrid, PlanFileLowDensity, PlanFileMachine, PlanFileObjectives, PlanFilePoints,
+    PlanFileProtocol, PlanFileSearch, PlanFileServed, PlanFileSetup, PlanFileSolve, WARNING,
 };
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
@@ -189,7 +189,9 @@ impl<'a> Outcome<'a> {
             patient_moved_mm: *shift,
             structures: figures.clone(),
         };
+        let beams: Vec<PlanFileBeam> = best.beams.beams().iter().map(beam).collect();
         Ok(PlanFile {
+            version: PlanFile::version_of(&beams),
             stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
             warning: WARNING.to_owned(),
             case: PlanFileCase {
@@ -235,7 +237,7 @@ impl<'a> Outcome<'a> {
             excess_at_most: finite(certificate.excess),
             kkt: finite(certificate.kkt),
             newton_steps: best.plan.steps,
-            beams: best.beams.beams().iter().map(beam).collect(),
+            beams,
             figures: figures_of(request, &self.figures, &self.given[0], self.fall_off, &self.limits),
             leaves: self.leaves.as_ref().map(|leaves| leaves.file(request, self.run)),
             served: setup.served.iter().map(PlanFileServed::from).collect(),
@@ -243,7 +245,6 @@ impl<'a> Outcome<'a> {
             setups: request.setups_mm[1..].iter().zip(&self.moved).map(moved).collect(),
             reference: self.reference.clone(),
             searches: runs.iter().map(|run| search(request, run)).collect(),
-            version: PLAN_FILE_VERSION,
         })
     }
 }

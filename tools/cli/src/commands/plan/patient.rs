@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use stillpoint_plan::dose::DoseCache;
+use stillpoint_plan::dose::{DoseCache, EngineName};
 use stillpoint_plan::plan_file::{PlanFileCouch, PlanFileHigher};
 use stillpoint_plan::recipe::{Higher, PlanRun};
 
@@ -125,11 +125,7 @@ fn searched(
         return Ok(Searched { request, prepared, runs, best, doses_s });
     }
     drop(prepared);
-    if !request.quiet {
-        outln!(
-            "the beams that were found cross lung or air, or are those of a head or neck: their plan is by {engine}"
-        );
-    }
+    print_engine(&request, engine);
     let request = request.by(engine, &best)?;
     let begun = Instant::now();
     let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
@@ -174,6 +170,9 @@ fn with_couch(
         higher: found.higher.iter().map(higher).collect(),
     };
     let engine = request.setup.engine_of_angles(&angles).map_err(Failure::failed)?;
+    if engine != request.setup.engine_name() {
+        print_engine(&request, engine);
+    }
     let request = request.with_couch(engine, &angles, couch)?;
     runs.0.push(found.run.clone());
     runs.1.push(begun.elapsed().as_secs_f64());
@@ -186,6 +185,15 @@ fn with_couch(
     let (prepared, solved) = settled(&request, prepared, solved)?;
     let best = PlanRun { choice: solved.choice, ..found.run };
     Ok(Searched { request, prepared, runs, best, doses_s })
+}
+
+/// Says that the plan is by another method than the search.
+fn print_engine(request: &Request, engine: EngineName) {
+    if !request.quiet {
+        outln!(
+            "the beams that were found cross lung or air, or are those of a head or neck: their plan is by {engine}"
+        );
+    }
 }
 
 /// The best run on columns that are corrected for it, which matters where dose is by superposition.

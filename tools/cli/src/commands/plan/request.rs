@@ -12,7 +12,8 @@ use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::plan_file::{PlanFile, PlanFileCouch};
 use stillpoint_plan::protocol::{Fractionation, Protocol};
 use stillpoint_plan::recipe::{
-    MethodName, PlanRequest, PlanRun, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
+    CouchError, MethodName, PlanRequest, PlanRun, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec,
+    set_up_errors,
 };
 use stillpoint_planner::protocol;
 
@@ -83,6 +84,10 @@ pub struct Request {
 impl Request {
     /// Checks it, for a patient.
     pub fn new(given: &PlanArgs, patient: &Patient<'_>) -> Result<Self, Failure> {
+        let couch_deg = couch_deg(given)?;
+        if couch_deg > 0.0 && RobustBy::from(given.robust_by) == RobustBy::Worst {
+            return Err(Failure::wrong(CouchError::Game));
+        }
         let case = match patient.case {
             Some(path) => read(path).map_err(Failure::wrong)?,
             None => phantom(0).map_err(Failure::failed)?,
@@ -131,7 +136,7 @@ impl Request {
             beams,
             budget,
             protocol_note,
-            couch_deg: couch_deg(given)?,
+            couch_deg,
             couch: None,
             dose_grid_mm: given.dose_grid.as_deref().map(dose_grid_mm).transpose()?,
             accept_check: accept_check(given)?,
