@@ -1,6 +1,7 @@
 /* The far end of valves and beam: it obeys the datagrams of stillpoint while they are valid, and else takes the safe state.
  *
- * C99, the C library alone, no allocation, no clock of its own: times are ns since the epoch, and come from the caller.
+ * C99, the C library alone, no allocation, no clock of its own: times are ns since the epoch, come from the caller,
+ * and must never go back: count on a monotone clock from one reading of the time of day.
  * The bytes of orders and acknowledgements are in docs/reference/datagrams.md.
  *
  *     fe_far_end far;

@@ -84,9 +84,7 @@ impl Entry {
             Contender::SearchWithNetwork => {
                 Method::Search(SearchOptions { starts: first()?, prior: 0.5, ..search })
             }
-            Contender::Network => {
-                Method::Sets(subject.judgement.spread_sets(ring, beams, solves, APART)?)
-            }
+            Contender::Network => Method::Sets(subject.judgement.spread_sets(ring, beams, solves, APART)?),
             Contender::NetworkAlone | Contender::GeometryAlone => Method::Prior,
             Contender::Annealing => Method::Annealing,
             Contender::Random => Method::Random,
