@@ -263,6 +263,25 @@ pub enum Priority {
     Normal,
     /// SCHED_FIFO with this priority; memory is locked.
     Fifo(u8),
+    /// The same where the machine allows it, else as the system does by default, which is said.
+    FifoIfAllowed(u8),
+}
+
+impl Priority {
+    /// The level of SCHED_FIFO that is asked for.
+    #[must_use]
+    pub fn level(self) -> Option<u8> {
+        match self {
+            Self::Normal => None,
+            Self::Fifo(level) | Self::FifoIfAllowed(level) => Some(level),
+        }
+    }
+
+    /// What a run has whose machine allows all: `normal`, or `fifo N`.
+    #[must_use]
+    pub fn wanted(self) -> String {
+        self.level().map_or_else(|| "normal".to_owned(), |level| format!("fifo {level}"))
+    }
 }
 
 /// A process of a checked pipeline.

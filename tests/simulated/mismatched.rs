@@ -40,7 +40,7 @@ fn parameters_of_two_operators_that_contradict_each_other_are_refused_with_their
         (
             "dead_band: 0.07 }",
             "dead_band: 0.07, bladders: 8 }",
-            "command: law.duties",
+            "command: { from: law.duties",
             "law sends duties for 3 bladders, but there are 8 here",
         ),
         ("measured: 2026-11-21", "measured: 2026-02-30", "measured:", "`2026-02-30` is not a date"),

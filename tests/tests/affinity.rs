@@ -107,6 +107,31 @@ fn a_user_without_rights_is_told_which_limit_forbids_the_priority() {
 }
 
 #[test]
+fn a_user_without_rights_runs_with_normal_priority_where_the_file_lets_him_and_the_log_says_why() {
+    if !rustix::process::getuid().is_root() {
+        println!("skipped: only root can become a user without rights");
+        return;
+    }
+    const NOBODY: u32 = 65534;
+    let bench = Bench::new();
+    let file = pipeline(&bench, "priority: fifo 7 if allowed");
+    for path in [bench.path(""), bench.runs()] {
+        std::os::unix::fs::chown(path, Some(NOBODY), Some(NOBODY)).unwrap();
+    }
+    let mut command = bench.command(&["run", text(&file), "--for", "300 ms", "--record", "s"]);
+    command.uid(NOBODY).gid(NOBODY);
+    if command.get_program().to_str().is_some_and(|p| p.starts_with("/root/")) {
+        println!("skipped: the command lies where only root can read");
+        return;
+    }
+    bench.begin(command).finish().good();
+    let session = std::fs::read_dir(bench.path("s")).unwrap().next().unwrap().unwrap().path();
+    let log = std::fs::read_to_string(session.join("log.jsonl")).unwrap();
+    assert!(log.contains("seated runs with normal priority"), "{log}");
+    assert!(log.contains("ulimit -l") || log.contains("ulimit -r"), "{log}");
+}
+
+#[test]
 fn a_core_that_is_not_there_is_found_before_anything_starts() {
     let bench = Bench::new();
     let file = pipeline(&bench, "core: 4095");

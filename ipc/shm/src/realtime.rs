@@ -2,7 +2,7 @@
 
 use std::io;
 
-use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::mm::{MlockAllFlags, mlockall, munlockall};
 
 /// Why this process cannot be scheduled in real time.
 #[derive(Debug, thiserror::Error)]
@@ -25,13 +25,19 @@ pub enum RealTimeError {
 /// Locks the memory of this process and sets SCHED_FIFO with `level` (1 to 99).
 ///
 /// # Errors
-/// The limit that forbids it.
+/// The limit that forbids it; then nothing has changed.
 pub fn real_time(level: u8) -> Result<(), RealTimeError> {
-    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| RealTimeError::Memory(e.into()))?;
+    if let Err(refused) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
+        let _ = munlockall();
+        return Err(RealTimeError::Memory(refused.into()));
+    }
     let parameter = libc::sched_param { sched_priority: i32::from(level) };
     // SAFETY: the call reads a struct that lives on this stack frame.
     if unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) } != 0 {
-        return Err(RealTimeError::Priority { level, cause: io::Error::last_os_error() });
+        let refused = RealTimeError::Priority { level, cause: io::Error::last_os_error() };
+        // Nothing of it stays: who goes on without may need more memory than can be locked.
+        let _ = munlockall();
+        return Err(refused);
     }
     Ok(())
 }

@@ -141,17 +141,24 @@ fn restart(node: &Node, findings: &Findings) -> Option<Restart> {
     Some(Restart::OnFault { limit, backoff })
 }
 
+/// What ends the priority of a process that also runs where the machine refuses it.
+const IF_ALLOWED: &str = " if allowed";
+
 fn priority(node: &Node, findings: &Findings) -> Option<Priority> {
-    let text = node.scalar("`priority`", "`normal` or `fifo N`", findings)?;
+    let text = node.scalar("`priority`", "`normal`, `fifo N` or `fifo N if allowed`", findings)?;
     if text == "normal" {
         return Some(Priority::Normal);
     }
-    let Some(number) = text.strip_prefix("fifo").map(str::trim) else {
+    let (real_time, is_must) = match text.strip_suffix(IF_ALLOWED) {
+        Some(rest) => (rest, false),
+        None => (text, true),
+    };
+    let Some(number) = real_time.strip_prefix("fifo").map(str::trim) else {
         let word = text.split_whitespace().next().unwrap_or(text);
         let help = match super::near::nearest(word, ["fifo", "normal"]) {
             Some("fifo") => format!("did you mean `{}`?", text.replacen(word, "fifo", 1)),
             Some(near) => format!("did you mean `{near}`?"),
-            None => "write `normal`, or `fifo N` with N from 1 to 99".into(),
+            None => "write `normal`, or `fifo N` or `fifo N if allowed` with N from 1 to 99".into(),
         };
         findings.say(node.span, Code::UnknownChoice, format!("{} is not a priority", shown(text)), help);
         return None;
@@ -171,5 +178,5 @@ fn priority(node: &Node, findings: &Findings) -> Option<Priority> {
             help,
         );
     }
-    valid.map(Priority::Fifo)
+    valid.map(if is_must { Priority::Fifo } else { Priority::FifoIfAllowed })
 }

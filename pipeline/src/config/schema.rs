@@ -303,8 +303,8 @@ fn process() -> Value {
         }),
         "outlives" => quantity("ns", "How long it goes on after its supervisor died, at most 10 s."),
         _ => json!({
-            "type": "string", "pattern": "^(normal|fifo [1-9][0-9]?)$",
-            "description": "`normal`, or `fifo N` with N from 1 to 99.",
+            "type": "string", "pattern": "^(normal|fifo [1-9][0-9]?( if allowed)?)$",
+            "description": "`normal`, `fifo N`, or `fifo N if allowed`, with N from 1 to 99.",
         }),
     });
     json!({ "oneOf": [members, detailed] })

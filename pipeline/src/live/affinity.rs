@@ -33,8 +33,9 @@ pub fn keep_off(cores: &[usize]) {
     }
 }
 
-/// Binds this thread to a core and sets its scheduling class, or says what forbids it.
-pub fn place(core: Option<usize>, priority: Priority) -> Result<(), AffinityError> {
+/// Binds this thread to a core and sets its scheduling class, or says what forbids it. What forbids a class that was asked for
+/// only if allowed is returned: the thread goes on without.
+pub fn place(core: Option<usize>, priority: Priority) -> Result<Option<RealTimeError>, AffinityError> {
     if let Some(core) = core {
         let mut set = rustix::thread::CpuSet::new();
         if core >= rustix::thread::CpuSet::MAX_CPU {
@@ -43,10 +44,14 @@ pub fn place(core: Option<usize>, priority: Priority) -> Result<(), AffinityErro
         set.set(core);
         rustix::thread::sched_setaffinity(None, &set).map_err(|cause| AffinityError::Core { core, cause })?;
     }
-    if let Priority::Fifo(level) = priority {
-        stillpoint_shm::real_time(level)?;
+    match priority {
+        Priority::Normal => Ok(None),
+        Priority::Fifo(level) => {
+            stillpoint_shm::real_time(level)?;
+            Ok(None)
+        }
+        Priority::FifoIfAllowed(level) => Ok(stillpoint_shm::real_time(level).err()),
     }
-    Ok(())
 }
 
 /// The scheduling class of the main thread of a process, as the system grants it: `normal`, or `fifo N`.

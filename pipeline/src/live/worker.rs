@@ -113,7 +113,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
         .clone();
     let outlives = process.outlives;
     start_thread(move || end_with_supervisor(outlives))?;
-    place(process.core, process.priority)?;
+    let refused = place(process.core, process.priority)?;
     let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process)?;
@@ -122,6 +122,9 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
     }
     let names = graph.operators.iter().map(|o| o.name.clone()).collect();
     Forward::start(&process.name, names, hello.clock);
+    if let Some(refused) = refused {
+        tracing::info!("{} runs with normal priority: {refused}", process.name);
+    }
     let mut listeners = Vec::new();
     let mut runners = Vec::new();
     for (place, (operator, incarnation)) in process.operators.iter().zip(&hello.incarnations).enumerate() {

@@ -62,6 +62,7 @@ fn each_operator_is_in_one_process_and_members_stand_upstream_first() {
     let control = &graph.processes[1];
     assert_eq!(control.restart, Restart::OnFault { limit: 3, backoff: 50_000_000 });
     assert_eq!((control.core, control.priority), (Some(1), Priority::Fifo(50)));
+    assert_eq!(graph.processes[0].priority, Priority::FifoIfAllowed(20));
 }
 
 #[test]

@@ -214,7 +214,7 @@ impl HelloBridge {
             arriving(o, ArrivesFrom::Ros2(taken.collect()))
         });
         let arrives = from_hosts.chain(from_ros2);
-        let fifo = graph.processes.iter().filter(|p| matches!(p.priority, Priority::Fifo(_)));
+        let fifo = graph.processes.iter().filter(|p| p.priority.level().is_some());
         let real_time_cores: BTreeSet<usize> = fifo.filter_map(|p| p.core).collect();
         Some(Self {
             arrives: arrives.collect(),

@@ -63,9 +63,9 @@ impl Doctor {
         // The ends of links poll; they hold no period.
         let shortest = graph.operators.iter().filter(|o| o.far_end.is_none()).filter_map(|o| o.every).min();
         findings.extend(wakeup::measure(time).findings(shortest));
-        findings.extend(latency::measure(time, asked, shortest));
+        findings.extend(latency::measure(time, asked.level(), shortest));
         findings.push(limits::cores(graph));
-        findings.extend(Kernel::here().findings(&bound, asked.is_some()));
+        findings.extend(Kernel::here().findings(&bound, asked.level().is_some()));
         findings.push(limits::shared_memory(graph));
         findings.push(limits::open_files(graph));
         findings.push(limits::disk(&self.record));

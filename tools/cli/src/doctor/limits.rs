@@ -81,38 +81,37 @@ pub fn open_files(graph: &Graph) -> Finding {
     }
 }
 
-/// The highest real-time priority that a pipeline asks for.
-pub fn asked(graph: &Graph) -> Option<u8> {
-    let level = |priority: Priority| match priority {
-        Priority::Fifo(level) => Some(level),
-        Priority::Normal => None,
-    };
-    graph.processes.iter().filter_map(|p| level(p.priority)).max()
+/// The highest priority that a pipeline asks for.
+pub fn asked(graph: &Graph) -> Priority {
+    let all = graph.processes.iter().map(|p| p.priority);
+    all.max_by_key(|p| (p.level(), matches!(p, Priority::Fifo(_)))).unwrap_or(Priority::Normal)
 }
 
 /// The real-time priority that a thread of this user is granted: it is tried.
-pub fn priority(asked: Option<u8>) -> Finding {
+pub fn priority(asked: Priority) -> Finding {
     let setting = "real-time priority";
-    let level = asked.unwrap_or(1);
+    let level = asked.level().unwrap_or(1);
     let requested = match asked {
-        Some(level) => format!("fifo {level}, as the pipeline asks"),
-        None => "none: no process asks for `priority`".to_owned(),
+        Priority::Fifo(level) => format!("fifo {level}, as the pipeline asks"),
+        Priority::FifoIfAllowed(level) => format!("fifo {level} if allowed, as the pipeline asks"),
+        Priority::Normal => "none: no process asks for `priority`".to_owned(),
     };
     // The class is of the thread that asks, and ends with it. Locked memory is of this process, which ends soon.
     let tried = std::thread::scope(|scope| {
         let tries = || stillpoint_shm::real_time(level).map_err(|e| e.to_string());
         scope.spawn(tries).join().unwrap_or_else(|_| Err("the thread that tried ended".to_owned()))
     });
-    match (tried, asked) {
-        (Ok(()), _) => Finding::good(setting, requested, format!("fifo {level} is granted")),
-        (Err(reason), None) => Finding::good(setting, requested, format!("not granted: {reason}")),
-        (Err(reason), Some(_)) => Finding::bad(
-            setting,
-            requested,
-            format!("not granted: {reason}"),
-            format!("`USER - rtprio {level}` and `USER - memlock unlimited` in /etc/security/limits.conf, then log in again"),
-        )
-        .lasting(),
+    let reason = match tried {
+        Ok(()) => return Finding::good(setting, requested, format!("fifo {level} is granted")),
+        Err(reason) => format!("not granted: {reason}"),
+    };
+    let mend = format!(
+        "`USER - rtprio {level}` and `USER - memlock unlimited` in /etc/security/limits.conf, then log in again"
+    );
+    match asked {
+        Priority::Normal => Finding::good(setting, requested, reason),
+        Priority::Fifo(_) => Finding::bad(setting, requested, reason, mend).lasting(),
+        Priority::FifoIfAllowed(_) => Finding::bad(setting, requested, reason, mend).lasting().hint(),
     }
 }
 
@@ -121,16 +120,15 @@ pub fn granted(run: &crate::attach::Attached) -> Vec<Finding> {
     let found = crate::processes::of_run(run.pid);
     let mut findings = Vec::new();
     for process in &run.graph.processes {
-        let requested = match process.priority {
-            Priority::Fifo(level) => format!("fifo {level}"),
-            Priority::Normal => "normal".to_owned(),
-        };
+        let requested = process.priority.wanted();
         let Some(state) = found.iter().find(|p| p.name == process.name) else { continue };
         let setting = format!("priority of process {}", process.name);
         findings.push(if state.granted == requested {
             Finding::good(&setting, requested, state.granted.clone())
         } else {
-            Finding::bad(&setting, requested, state.granted.clone(), "`ulimit -r`, then start the run again")
+            let mend = "`ulimit -r`, then start the run again";
+            let missed = Finding::bad(&setting, requested, state.granted.clone(), mend);
+            if matches!(process.priority, Priority::FifoIfAllowed(_)) { missed.hint() } else { missed }
         });
     }
     findings

@@ -123,10 +123,7 @@ fn rows(attached: &Attached, before: &mut (Instant, BTreeMap<u32, (f64, f64)>)) 
             ProcessRow {
                 cpu_percent: share(state.pid, |t| t.0),
                 delayed_percent: share(state.pid, |t| t.1),
-                asked: match asked {
-                    Some(Priority::Fifo(level)) => format!("fifo {level}"),
-                    Some(Priority::Normal) | None => "normal".to_owned(),
-                },
+                asked: asked.unwrap_or(Priority::Normal).wanted(),
                 state: state.clone(),
             }
         })
