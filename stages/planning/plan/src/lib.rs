@@ -3,6 +3,7 @@
 //! Lengths are in millimetres and their names say so (`_mm`): images, machine files and plans are written in them, and
 //! grid positions stay exact. Doses are in gray, angles in degrees where a plan counts them (`_deg`), else in radians.
 //!
+//! - [`arc`]: beams that are on while the gantry turns
 //! - [`beams`]: which angles
 //! - [`check`]: what a person should look at in a plan
 //! - [`dose`]: the dose that beams of photons give
@@ -28,6 +29,7 @@
 // Outsiders use it.
 #![warn(missing_docs)]
 
+pub mod arc;
 pub mod beams;
 pub mod check;
 pub mod delivery;

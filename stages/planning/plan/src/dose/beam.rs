@@ -97,6 +97,11 @@ impl Aim {
         Ok(Self { bixels_mm, frame, kernel, offset_mm: offset_mm as f32 })
     }
 
+    /// The same with other bixels.
+    pub fn with(self, bixels_mm: Vec<[f64; 2]>) -> Self {
+        Self { bixels_mm, ..self }
+    }
+
     /// Lateral dose of the components at a place beside a bixel's axis, mm.
     #[inline]
     pub fn lateral(&self, [x, z]: [f32; 2]) -> [f32; 4] {
@@ -139,7 +144,15 @@ impl Aim {
 }
 
 pub(super) fn influence(engine: &DoseEngine, angles: BeamAngles) -> Result<BeamInfluence, DoseError> {
-    let aim = Aim::new(engine, angles)?;
+    influence_of(engine, angles, Aim::new(engine, angles)?)
+}
+
+/// The same of the bixels of an aim.
+pub(super) fn influence_of(
+    engine: &DoseEngine,
+    angles: BeamAngles,
+    aim: Aim,
+) -> Result<BeamInfluence, DoseError> {
     engine.check_entry(angles, aim.bixels_mm.iter().copied())?;
     let voxels = Voxels::near(engine, &aim.frame, &aim.bixels_mm);
     let depth_dose = &voxels.depth_dose;

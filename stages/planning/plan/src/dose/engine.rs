@@ -230,6 +230,25 @@ impl DoseEngine {
         }
     }
 
+    /// Dose by pencil beams of these squares (centres in mm), each as wide as a bixel of this engine, to the rows of its dose matrices.
+    /// Whatever the method of the engine: what an arc opens is searched among too many squares for a superposition of each.
+    ///
+    /// # Errors
+    /// An angle out of range, or a beam without bixels.
+    pub(crate) fn squares_of(
+        &self,
+        angles: impl Into<BeamAngles>,
+        squares_mm: Vec<[f64; 2]>,
+    ) -> Result<BeamInfluence, DoseError> {
+        let angles = self.checked_angles(angles)?;
+        beam::influence_of(self, angles, Aim::new(self, angles)?.with(squares_mm))
+    }
+
+    /// The same patient with other bixels around the same places.
+    pub(crate) fn with_bixels(&self, bixels: BixelSpec) -> Self {
+        Self { params: DoseParams { bixels, ..self.params }, ..self.clone() }
+    }
+
     /// The same by rows, as doses are kept.
     pub(super) fn beam_rows(&self, angles: BeamAngles) -> Result<BeamRows, DoseError> {
         let angles = self.checked_angles(angles)?;

@@ -7,6 +7,7 @@
 //! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
 //! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there; `value`: what weights cost
 //! - `problem`: the one form that every objective comes to, with its errors
+//! - `running`: the objective while doses change, for the leaves of arcs
 //! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
 //! - `admm`: the dissertation's solver, corrected
@@ -31,6 +32,7 @@ mod plan;
 mod problem;
 mod region;
 mod rows;
+mod running;
 mod shapes;
 mod text;
 mod value;
@@ -43,6 +45,7 @@ pub use newton::{Options, Solution, solve};
 pub use plan::{Plan, given as given_plan, solve as solve_plan};
 pub use problem::{Problem, ProblemError, Side, Term};
 pub use rows::Csr;
+pub use running::{DoseChange, RunningCost};
 pub use shapes::{
     Bound, DvhAtLeast, DvhAtMost, DvhPoint, FallOff, Geud, Homogeneity, MeanAtLeast, MeanDose, Measured,
     Objective, ObjectiveSpec, Overdose, StructurePart, Underdose,

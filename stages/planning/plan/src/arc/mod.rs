@@ -1,0 +1,74 @@
+//! Arcs: the gantry turns while the beam is on, and the leaves move.
+//!
+//! What is optimised is what is delivered: between two control points the tips move evenly with the gantry, and a constant number of
+//! monitor units is given for each degree of an interval (DICOM PS3.3 C.8.8.14). So the variables are the tips at control points and the weights of
+//! *intervals*, and the dose of an interval is that of its tips at the midpoints of its halves.
+//!
+//! - `spec`: which way an arc goes; `limits`: what the machine can do, and the time that it takes
+//! - `field`: control points, and the doses of all that leaves can open
+//! - `trajectory`: tips and weights, with the limits that they keep
+//! - `start`: apertures by price; `sweep`: the leaves; `weights`: the weights of intervals
+//! - `optimise`: all of it
+
+mod field;
+mod limits;
+mod optimise;
+mod spec;
+mod start;
+mod sweep;
+mod trajectory;
+mod weights;
+
+use thiserror::Error;
+
+use crate::RowsError;
+use crate::dose::DoseError;
+use crate::fluence::{GoalsError, ProblemError};
+
+pub use field::{ArcField, CellDoses, ControlAngle, Interval, LeafRow};
+pub use limits::{ArcLimits, Stretch};
+pub use optimise::{ArcOptions, Optimised, optimise};
+pub use spec::{ArcSpec, ArcSpecError};
+pub use sweep::{Tip, add_move, slope};
+pub use trajectory::{Bounds, Trajectory};
+
+/// The reasons why there is no arc.
+#[derive(Debug, Error)]
+pub enum ArcError {
+    /// A dose cannot be computed.
+    #[error(transparent)]
+    Dose(#[from] DoseError),
+    /// The goals make no problem.
+    #[error(transparent)]
+    Goals(#[from] GoalsError),
+    /// The goals make no problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// Doses make no matrix.
+    #[error("the doses of the intervals of an arc: {0}")]
+    Rows(#[from] RowsError),
+    /// The target is beyond the leaves.
+    #[error(
+        "the target needs a field from {low_mm} to {high_mm} mm along the axis of the gantry, but the leaves shape {first_mm} to \
+         {last_mm} mm; plan with another isocentre or another machine"
+    )]
+    Beyond {
+        /// Lower edge of the field, mm.
+        low_mm: f64,
+        /// Upper edge of the field, mm.
+        high_mm: f64,
+        /// Lowest edge of the leaves, mm.
+        first_mm: f64,
+        /// Highest edge of the leaves, mm.
+        last_mm: f64,
+    },
+    /// No ray to the target crosses the patient.
+    #[error("an arc has no bixel: no ray to the target crosses the patient; check the outline")]
+    Dark,
+    /// Nothing lessens the objective.
+    #[error("no aperture of an arc lessens the objective; check the objectives of the targets")]
+    NoGain,
+    /// A limit of the machine does not hold.
+    #[error("an arc breaks a limit of the machine: {0}; report this with the case")]
+    Limit(String),
+}

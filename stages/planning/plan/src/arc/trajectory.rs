@@ -1,0 +1,138 @@
+//! Where the leaves are at each control point, and what is given between them.
+
+use super::field::{ArcField, Interval, part};
+use super::limits::{ArcLimits, Stretch};
+use crate::dose::Collimator;
+
+/// Tips are at whole micrometres in a plan, so that every limit holds in the decimals of a file.
+const GRID_PER_MM: f64 = 1e3;
+
+/// The leaves and the weights of all arcs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// For each control point the tips of each row of leaves, those at lower x first, mm.
+    pub tips_mm: Vec<Vec<[f64; 2]>>,
+    /// For each interval its weight: fluence of the open field, in the unit of bixel weights.
+    pub weights: Vec<f64>,
+}
+
+/// What a machine allows of a trajectory, in the unit of weights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    /// Longest way of a tip in each interval, mm.
+    pub travel_mm: Vec<f64>,
+    /// Least and largest weight of each interval.
+    pub weights: Vec<[f64; 2]>,
+    /// Least distance of the tips of a pair, mm.
+    pub gap_mm: f64,
+    /// The lowest and the highest place of a tip, for each row of leaves and each bank, mm.
+    pub ends_mm: Vec<[[f64; 2]; 2]>,
+}
+
+impl Bounds {
+    /// Those of a machine whose fluence of weight 1 is so many monitor units in a fraction.
+    pub fn new(field: &ArcField, limits: &ArcLimits, collimator: &Collimator, mu_per_weight: f64) -> Self {
+        let (reach, over) = (collimator.reach_mm, collimator.over_travel_mm);
+        let ends = |row| {
+            let [low, high] = field.ends_mm(row);
+            [[low.max(-reach), high.min(over)], [low.max(-over), high.min(reach)]]
+        };
+        let units = |interval: &Interval| limits.units(interval.degrees).map(|units| units / mu_per_weight);
+        Self {
+            travel_mm: field.intervals.iter().map(|i| limits.travel_mm(i.degrees)).collect(),
+            weights: field.intervals.iter().map(units).collect(),
+            gap_mm: libm::ceil(GRID_PER_MM * limits.least_gap_mm - 1e-6) / GRID_PER_MM,
+            ends_mm: (0..field.rows.len()).map(ends).collect(),
+        }
+    }
+}
+
+impl Trajectory {
+    /// Tips of a row at a part of an interval.
+    #[inline]
+    pub fn tips_at(&self, interval: &Interval, number: usize, row: usize) -> [f64; 2] {
+        let a = part(number);
+        let [from, to] = [&self.tips_mm[interval.from][row], &self.tips_mm[interval.from + 1][row]];
+        [0, 1].map(|bank| from[bank] + a * (to[bank] - from[bank]))
+    }
+
+    /// Dose of the rows of the goals, gray.
+    pub fn dose(&self, field: &ArcField) -> Vec<f64> {
+        let mut dose = vec![0.0; field.goal_rows()];
+        for (number, weight) in self.weights.iter().enumerate() {
+            self.add_interval(field, number, *weight, &mut dose);
+        }
+        dose
+    }
+
+    /// Adds the dose of an interval with this weight.
+    pub fn add_interval(&self, field: &ArcField, number: usize, weight: f64, dose: &mut [f64]) {
+        if weight == 0.0 {
+            return;
+        }
+        let interval = &field.intervals[number];
+        for (at, doses) in interval.doses.iter().enumerate() {
+            let share = weight / interval.doses.len() as f64;
+            field.add_open(*doses, |row| self.tips_at(interval, at, row), share, dose);
+        }
+    }
+
+    /// The longest way of a tip in an interval, mm.
+    pub fn travel_mm(&self, interval: &Interval) -> f64 {
+        let [from, to] = [&self.tips_mm[interval.from], &self.tips_mm[interval.from + 1]];
+        let ways = from.iter().zip(to).flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]);
+        ways.fold(0.0, f64::max)
+    }
+
+    /// The stretches of an arc's intervals.
+    pub fn stretches(&self, field: &ArcField, mu_per_weight: f64) -> Vec<Stretch> {
+        let of = |(interval, weight): (&Interval, &f64)| Stretch {
+            degrees: interval.degrees,
+            travel_mm: self.travel_mm(interval),
+            units: weight * mu_per_weight,
+        };
+        field.intervals.iter().zip(&self.weights).map(of).collect()
+    }
+
+    /// The same with all tips at whole micrometres, downwards. Limits of whole micrometres that held before hold after it.
+    #[must_use]
+    pub fn on_grid(&self) -> Self {
+        // What is a rounding below a place of the grid is there.
+        let down = |mm: f64| libm::floor(mm * GRID_PER_MM + 1e-6) / GRID_PER_MM;
+        let point = |tips: &Vec<[f64; 2]>| tips.iter().map(|tips| tips.map(down)).collect();
+        Self { tips_mm: self.tips_mm.iter().map(point).collect(), weights: self.weights.clone() }
+    }
+
+    /// The first limit that does not hold to a nanometre, in words: for tests, and before a plan leaves.
+    pub fn fault(&self, field: &ArcField, bounds: &Bounds) -> Option<String> {
+        const LEAST_MM: f64 = 1e-6;
+        for (point, tips) in self.tips_mm.iter().enumerate() {
+            for (row, [low, high]) in tips.iter().enumerate() {
+                if high - low < bounds.gap_mm - LEAST_MM {
+                    return Some(format!("control point {point}, row {row}: tips at {low} and {high} mm"));
+                }
+                let [of_low, of_high] = bounds.ends_mm[row];
+                let is_within =
+                    |[least, most]: [f64; 2], mm: f64| (least - LEAST_MM..=most + LEAST_MM).contains(&mm);
+                if !(is_within(of_low, *low) && is_within(of_high, *high)) {
+                    return Some(format!(
+                        "control point {point}, row {row}: tips at {low} and {high} mm are out of reach"
+                    ));
+                }
+            }
+        }
+        for (number, interval) in field.intervals.iter().enumerate() {
+            let (travel_mm, most_mm) = (self.travel_mm(interval), bounds.travel_mm[number]);
+            if travel_mm > most_mm + LEAST_MM {
+                return Some(format!(
+                    "interval {number}: a tip travels {travel_mm} mm (allowed: {most_mm} mm)"
+                ));
+            }
+            let ([least, most], weight) = (bounds.weights[number], self.weights[number]);
+            if !(least * (1.0 - 1e-6)..=most * (1.0 + 1e-6)).contains(&weight) {
+                return Some(format!("interval {number}: a weight of {weight} (allowed: {least} to {most})"));
+            }
+        }
+        None
+    }
+}

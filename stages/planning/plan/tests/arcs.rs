@@ -1,0 +1,184 @@
+//! Arcs: slopes, limits, the course of the objective, and what of it depends on threads.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::num::NonZeroUsize;
+
+use stillpoint_patient::case::phantom;
+use stillpoint_plan::arc::{
+    ArcField, ArcLimits, ArcOptions, ArcSpec, Bounds, Optimised, Tip, Trajectory, add_move, optimise, slope,
+};
+use stillpoint_plan::dose::Collimator;
+use stillpoint_plan::fluence::DoseChange;
+use stillpoint_plan::recipe::{PlanSetup, PointScheme, SetupSpec};
+
+fn threads(number: usize) -> NonZeroUsize {
+    NonZeroUsize::new(number).unwrap()
+}
+
+/// A pelvis on few points, with wide bixels.
+fn setup(seed: u64) -> PlanSetup {
+    let spec = SetupSpec {
+        grid_mm: 10.0,
+        bixel_mm: 20.0,
+        points: PointScheme::Thinned,
+        ..SetupSpec::shipped().unwrap()
+    };
+    PlanSetup::new(phantom(seed).unwrap(), spec).unwrap()
+}
+
+fn field(setup: &PlanSetup, arcs: &str, number: usize) -> ArcField {
+    let arcs = ArcSpec::list(arcs).unwrap();
+    ArcField::new(setup.engine(), &setup.goals, &Collimator::generic(), &arcs, threads(number)).unwrap()
+}
+
+fn bounds(field: &ArcField, limits: ArcLimits) -> Bounds {
+    Bounds::new(field, &limits, &Collimator::generic(), 100.0 / 39.0)
+}
+
+fn optimised(setup: &PlanSetup, field: &ArcField, limits: ArcLimits, number: usize) -> Optimised {
+    let options = ArcOptions { rounds: 6, ..ArcOptions::default() };
+    optimise(field, &setup.goals, &bounds(field, limits), options, threads(number), |_, _| ()).unwrap()
+}
+
+/// Prints the course of the arcs of `ARC_RUN` on the pelvis of seed 0; without it, nothing is planned.
+#[test]
+fn course_of_arcs() {
+    let Ok(arcs) = std::env::var("ARC_RUN") else { return };
+    let spec = SetupSpec { points: PointScheme::Thinned, ..SetupSpec::shipped().unwrap() };
+    let began = std::time::Instant::now();
+    let setup = PlanSetup::new(phantom(0).unwrap(), spec).unwrap();
+    println!("{} points, {:?}", setup.goals.voxels().len(), began.elapsed());
+    let field = field(&setup, &arcs, 1);
+    println!("{} rows, {} entries, {:?}", field.rows.len(), field.entries(), began.elapsed());
+    let report = |round: usize, cost: f64| println!("round {round}: {cost:.1}, {:?}", began.elapsed());
+    let found = optimise(
+        &field,
+        &setup.goals,
+        &bounds(&field, ArcLimits::generic()),
+        ArcOptions::default(),
+        threads(1),
+        report,
+    )
+    .unwrap();
+    let limits = ArcLimits::generic();
+    let seconds: f64 =
+        found.trajectory.stretches(&field, 100.0 / 39.0).iter().map(|s| limits.seconds(s)).sum();
+    let units: f64 = found.trajectory.weights.iter().sum::<f64>() * 100.0 / 39.0;
+    println!("{:.1}, {seconds:.0} s, {units:.0} MU", found.objective);
+}
+
+/// The pelvis of seed 0 and a partial arc, optimised.
+fn partial() -> (PlanSetup, ArcField, Optimised) {
+    let setup = setup(0);
+    let field = field(&setup, ARC, 2);
+    let found = optimised(&setup, &field, ArcLimits::generic(), 2);
+    (setup, field, found)
+}
+
+const ARC: &str = "60..124cw,124..60cc";
+
+#[test]
+fn slopes_of_tips_are_those_of_small_moves_to_both_sides() {
+    let (setup, field, found) = partial();
+    let mut running = setup.goals.problem(&[]).unwrap().running(found.trajectory.dose(&field));
+    assert!((running.cost() / found.objective - 1.0).abs() < 1e-9);
+    let mut change = DoseChange::new(field.goal_rows());
+    let (mut checked, mut largest) = (0, 0.0_f64);
+    let mut off = Vec::new();
+    for point in 0..field.points.len() {
+        for row in 0..field.rows.len() {
+            for (bank, side) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
+                let tip = Tip { point, row, bank };
+                let h = 1e-5;
+                add_move(&field, &found.trajectory, tip, side * h, &mut change);
+                let by_move = running.added(&change) / h;
+                let [by_slope, curvature] =
+                    slope(&field, &found.trajectory, &running, tip, side, &mut change);
+                checked += usize::from(by_slope != 0.0);
+                largest = largest.max(by_slope.abs());
+                off.push((by_move - by_slope - 0.5 * h * curvature).abs());
+            }
+        }
+    }
+    let worst = off.into_iter().fold(0.0, f64::max);
+    assert!(checked > 200 && worst < 1e-4 * largest, "{checked} {worst} {largest}");
+}
+
+/// The dose after a move is the dose of the leaves where they then are.
+#[test]
+fn a_move_changes_the_dose_by_what_the_dose_of_the_moved_leaves_is_other() {
+    let (setup, field, found) = partial();
+    let mut running = setup.goals.problem(&[]).unwrap().running(found.trajectory.dose(&field));
+    let mut change = DoseChange::new(field.goal_rows());
+    for (point, row, bank, by_mm) in [(3, 1, 0, -13.7), (7, 0, 1, 8.0), (0, 2, 0, 3.3), (16, 1, 1, -0.4)] {
+        let mut moved = found.trajectory.clone();
+        moved.tips_mm[point][row][bank] += by_mm;
+        add_move(&field, &found.trajectory, Tip { point, row, bank }, by_mm, &mut change);
+        let added = running.added(&change);
+        let mut one = running.clone();
+        one.make(&change, added);
+        let expected = moved.dose(&field);
+        let off = one.dose().iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-9, "{point} {row} {bank}: {off}");
+        running = setup.goals.problem(&[]).unwrap().running(found.trajectory.dose(&field));
+    }
+}
+
+#[test]
+fn the_objective_never_rises_and_falls_far_from_the_start() {
+    let (_, _, found) = partial();
+    assert!(found.objectives.windows(2).all(|pair| pair[1] <= pair[0]), "{:?}", found.objectives);
+    let last = *found.objectives.last().unwrap();
+    assert!(last < 0.8 * found.objectives[0] && found.objective < 1.001 * last, "{:?}", found.objectives);
+}
+
+#[test]
+fn limits_hold_in_the_decimals_of_a_file() {
+    let setup = setup(1);
+    let field = field(&setup, "350..43.7cw", 2);
+    let limits = ArcLimits {
+        leaf_mm_per_deg: 2.0,
+        least_gap_mm: 3.0,
+        least_gantry_deg_per_s: 2.0,
+        least_mu_per_min: 30.0,
+        ..ArcLimits::generic()
+    };
+    let found = optimised(&setup, &field, limits, 2);
+    // As a file writes them: at most 16 characters.
+    let written = |number: f64| {
+        let text = format!("{number}");
+        assert!(text.len() <= 16, "{text}");
+        text.parse::<f64>().unwrap()
+    };
+    let point = |tips: &Vec<[f64; 2]>| tips.iter().map(|tips| tips.map(written)).collect();
+    let read = Trajectory {
+        tips_mm: found.trajectory.tips_mm.iter().map(point).collect(),
+        weights: found.trajectory.weights.clone(),
+    };
+    assert_eq!(read.fault(&field, &bounds(&field, limits)), None);
+    let mu_per_weight = 100.0 / 39.0;
+    for stretch in read.stretches(&field, mu_per_weight) {
+        assert!(stretch.travel_mm <= 2.0 * stretch.degrees + 1e-6);
+        let seconds = limits.seconds(&stretch);
+        assert!(stretch.degrees / seconds >= 2.0 - 1e-6, "{stretch:?}");
+        assert!(60.0 * stretch.units / seconds <= 600.0 + 1e-6 && stretch.travel_mm / seconds <= 25.0 + 1e-6);
+        let slowest = stretch.degrees / 6.0;
+        assert!(stretch.units >= 0.5 * slowest * (1.0 - 1e-6), "{stretch:?}");
+    }
+    let gaps = read.tips_mm.iter().flatten().map(|[low, high]| high - low);
+    assert!(gaps.fold(f64::INFINITY, f64::min) >= 3.0 - 1e-6);
+    // The limits cost something: without them the objective is lower.
+    let free = optimised(&setup, &field, ArcLimits::generic(), 2);
+    assert!(free.objective < found.objective, "{} {}", free.objective, found.objective);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes_and_so_does_a_second_run() {
+    let setup = setup(0);
+    let made = |number: usize| optimised(&setup, &field(&setup, ARC, number), ArcLimits::generic(), number);
+    let alone = made(1);
+    for number in [1, 2, 4] {
+        assert_eq!(made(number), alone, "{number} threads");
+    }
+}
