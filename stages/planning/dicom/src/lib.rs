@@ -61,7 +61,7 @@ pub use given_dose::GivenDose;
 pub use identity::CaseIdentity;
 pub use import::{ImportError, Request, import_folder};
 pub use layout::LayoutError;
-pub use plan::{Beam, LeafSegment, Machine, Plan, plan_file};
+pub use plan::{Arc, ArcPoint, Beam, LeafSegment, Machine, Plan, plan_file};
 pub use raster::{Beyond, Contour, ContourKind, Drawn, Rastered, rasterise};
 pub use roi::{Roi, Rois};
 pub use series::{SeriesError, Volume, volume};

@@ -1,4 +1,7 @@
-//! RTPLAN: beams, each with the step-and-shoot segments of its collimator, or without any.
+//! RTPLAN: beams, each with the step-and-shoot segments of its collimator, or without any; and arcs.
+//!
+//! An arc has one control point for each angle. Its cumulative weight is what was given until there, so between two control points a
+//! constant number of monitor units is given for each degree, and the leaves move evenly (PS3.3 C.8.8.14).
 
 use dicom_core::VR;
 use dicom_dictionary_std::{tags, uids};
@@ -13,6 +16,9 @@ const NOT_SEQUENCED: &str =
 /// The same of a plan in segments.
 const SEQUENCED: &str = "Research only. The segments are for step and shoot. Their monitor units are those of a generic \
      beam model, not of a measured machine.";
+/// The same of a plan of arcs.
+const TURNED: &str = "Research only. The gantry turns while the beam is on. The monitor units are those of a generic beam \
+     model, not of a measured machine.";
 /// Farthest from the axis that a tip of a leaf can be, mm.
 const FARTHEST_MM: f64 = 1000.0;
 
@@ -42,8 +48,32 @@ pub struct Beam {
     pub weight: f64,
     /// Edges of the smallest rectangle around its bixels in the isocentre plane, mm: IEC beam limiting device x, then y.
     pub field_mm: [[f64; 2]; 2],
-    /// Its segments, in the order in which they are given; none in a plan without leaves.
+    /// Its segments, in the order in which they are given; none in a plan without leaves, and none of an arc.
     pub segments: Vec<LeafSegment>,
+    /// What it does while the gantry turns; nothing where it stands still.
+    pub arc: Option<Arc>,
+}
+
+/// A turn of the gantry with the beam on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arc {
+    /// Whether the gantry turns clockwise: its IEC 61217 angle rises.
+    pub clockwise: bool,
+    /// Highest dose rate, monitor units a minute.
+    pub mu_per_min: f64,
+    /// Its control points, at least two. The gantry angle of the first is that of the beam.
+    pub points: Vec<ArcPoint>,
+}
+
+/// A control point of an arc.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArcPoint {
+    /// IEC 61217 gantry angle, degrees from 0 to below 360.
+    pub gantry_deg: f64,
+    /// Monitor units that were given up to here in one fraction: 0 at the first, never falling, above 0 at the last.
+    pub given: f64,
+    /// Tips of every leaf pair in the isocentre plane, those at lower x first, mm.
+    pub tips_mm: Vec<[f64; 2]>,
 }
 
 /// One segment of a beam.
@@ -148,12 +178,19 @@ impl Plan<'_> {
     }
 
     fn says(&self) -> &'static str {
-        if self.has_leaves() { SEQUENCED } else { NOT_SEQUENCED }
+        match (self.has_leaves(), self.beams.iter().any(|beam| beam.arc.is_some())) {
+            (_, true) => TURNED,
+            (true, false) => SEQUENCED,
+            (false, false) => NOT_SEQUENCED,
+        }
     }
 }
 
 /// Monitor units of a beam in one fraction.
 fn monitor_units(beam: &Beam) -> Result<f64, ExportError> {
+    if let Some(arc) = &beam.arc {
+        return given(arc);
+    }
     for segment in &beam.segments {
         positive("a number of monitor units", segment.monitor_units)?;
     }
@@ -166,7 +203,8 @@ fn beam(number: usize, beam: &Beam, plan: &Plan<'_>) -> Result<Writer, ExportErr
     item.whole(tags::BEAM_NUMBER, number);
     item.put(tags::BEAM_NAME, VR::LO, fitting("name of a beam", &beam.name, 64)?);
     item.put(tags::BEAM_DESCRIPTION, VR::ST, plan.says());
-    item.put(tags::BEAM_TYPE, VR::CS, "STATIC").put(tags::RADIATION_TYPE, VR::CS, "PHOTON");
+    let kind = if beam.arc.is_some() { "DYNAMIC" } else { "STATIC" };
+    item.put(tags::BEAM_TYPE, VR::CS, kind).put(tags::RADIATION_TYPE, VR::CS, "PHOTON");
     item.put(tags::TREATMENT_MACHINE_NAME, VR::SH, fitting("name of a machine", machine.name, 16)?);
     item.put(tags::TREATMENT_DELIVERY_TYPE, VR::CS, "TREATMENT").put(
         tags::PRIMARY_DOSIMETER_UNIT,
@@ -191,7 +229,11 @@ fn beam(number: usize, beam: &Beam, plan: &Plan<'_>) -> Result<Writer, ExportErr
         item.whole(none, 0);
     }
     item.whole(tags::REFERENCED_PATIENT_SETUP_NUMBER, 1);
-    let (last, points) = if plan.has_leaves() { shot(beam, plan)? } else { even(beam, machine)? };
+    let (last, points) = match &beam.arc {
+        Some(arc) => turned(beam, arc, plan)?,
+        None if plan.has_leaves() => shot(beam, plan)?,
+        None => even(beam, machine)?,
+    };
     item.whole(tags::NUMBER_OF_CONTROL_POINTS, points.len());
     item.decimals(tags::FINAL_CUMULATIVE_METERSET_WEIGHT, &[last]);
     item.sequence(tags::CONTROL_POINT_SEQUENCE, points);
@@ -230,7 +272,7 @@ fn shot(beam: &Beam, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError>
     let whole = monitor_units(beam)?;
     let (mut given, mut points) = (0.0, Vec::new());
     for (number, segment) in beam.segments.iter().enumerate() {
-        let leaves = positions(segment, plan.leaf_edges_mm)?;
+        let leaves = positions(&segment.tips_mm, plan.leaf_edges_mm)?;
         let begin = match number {
             0 => start(beam, &plan.machine, Some(leaves))?,
             _ => {
@@ -249,29 +291,72 @@ fn shot(beam: &Beam, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError>
         end.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[until]);
         end.sequence(
             tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE,
-            vec![positions(segment, plan.leaf_edges_mm)?],
+            vec![positions(&segment.tips_mm, plan.leaf_edges_mm)?],
         );
         points.extend([begin, end]);
     }
     Ok((1.0, points))
 }
 
+/// Monitor units of an arc in one fraction.
+fn given(arc: &Arc) -> Result<f64, ExportError> {
+    let mut last = 0.0;
+    for (number, point) in arc.points.iter().enumerate() {
+        let is_sound = if number == 0 { point.given == 0.0 } else { point.given >= last };
+        if !(is_sound && point.given.is_finite()) {
+            let why = "0 at the first control point of an arc is expected, and no fall after it";
+            return Err(ExportError::Number { what: "a number of monitor units", value: point.given, why });
+        }
+        last = point.given;
+    }
+    positive("a number of monitor units", last)
+}
+
+/// Final weight and control points of an arc: one for each angle, each with all that changes.
+fn turned(beam: &Beam, arc: &Arc, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError> {
+    let whole = given(arc)?;
+    let turn = if arc.clockwise { "CW" } else { "CC" };
+    let mut points = Vec::with_capacity(arc.points.len());
+    for (number, at) in arc.points.iter().enumerate() {
+        let is_last = number + 1 == arc.points.len();
+        let leaves = positions(&at.tips_mm, plan.leaf_edges_mm)?;
+        let gantry_deg = angle("a gantry angle", at.gantry_deg)?;
+        let mut point = if number == 0 {
+            let mut point = start(beam, &plan.machine, Some(leaves))?;
+            point.decimals(tags::DOSE_RATE_SET, &[positive("a dose rate", arc.mu_per_min)?]);
+            point
+        } else {
+            let mut point = Writer::default();
+            point.whole(tags::CONTROL_POINT_INDEX, number);
+            // The last is 1 to the digit, whatever the sum.
+            let until = if is_last { 1.0 } else { at.given / whole };
+            point.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[until]);
+            point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, vec![leaves]);
+            point
+        };
+        // The sense is that of the turn from here on.
+        point.decimals(tags::GANTRY_ANGLE, &[gantry_deg]).put(
+            tags::GANTRY_ROTATION_DIRECTION,
+            VR::CS,
+            if is_last { "NONE" } else { turn },
+        );
+        points.push(point);
+    }
+    Ok((1.0, points))
+}
+
 /// Where the leaves stand: all tips at lower x, then all at higher x.
-fn positions(segment: &LeafSegment, edges_mm: &[f64]) -> Result<Writer, ExportError> {
-    if segment.tips_mm.len() + 1 != edges_mm.len() {
+fn positions(tips_mm: &[[f64; 2]], edges_mm: &[f64]) -> Result<Writer, ExportError> {
+    if tips_mm.len() + 1 != edges_mm.len() {
         let why = "each leaf pair needs the places of its tips";
-        return Err(ExportError::Number {
-            what: "a number of leaf pairs",
-            value: segment.tips_mm.len() as f64,
-            why,
-        });
+        return Err(ExportError::Number { what: "a number of leaf pairs", value: tips_mm.len() as f64, why });
     }
     let good = |[low, high]: &[f64; 2]| low <= high && low.abs().max(high.abs()) <= FARTHEST_MM;
-    if let Some([low, _]) = segment.tips_mm.iter().find(|tips| !good(tips)) {
+    if let Some([low, _]) = tips_mm.iter().find(|tips| !good(tips)) {
         let why = "tips must not overlap and must be within 1 m of the axis";
         return Err(ExportError::Number { what: "a place of a leaf", value: *low, why });
     }
-    let both: Vec<f64> = (0..2).flat_map(|bank| segment.tips_mm.iter().map(move |tips| tips[bank])).collect();
+    let both: Vec<f64> = (0..2).flat_map(|bank| tips_mm.iter().map(move |tips| tips[bank])).collect();
     let mut leaves = Writer::default();
     leaves.put(tags::RT_BEAM_LIMITING_DEVICE_TYPE, VR::CS, "MLCX");
     leaves.decimals(tags::LEAF_JAW_POSITIONS, &both);
@@ -283,11 +368,8 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
     let mut point = Writer::default();
     point.whole(tags::CONTROL_POINT_INDEX, 0).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[0.0]);
     point.decimals(tags::NOMINAL_BEAM_ENERGY, &[positive("an energy", machine.energy_mv)?]);
-    for (what, value) in [("a gantry angle", beam.gantry_deg), ("a couch angle", beam.couch_deg)] {
-        if !(0.0..360.0).contains(&value) {
-            return Err(ExportError::Number { what, value, why: "0 to below 360 degrees is expected" });
-        }
-    }
+    angle("a gantry angle", beam.gantry_deg)?;
+    angle("a couch angle", beam.couch_deg)?;
     point.decimals(tags::GANTRY_ANGLE, &[beam.gantry_deg]).put(
         tags::GANTRY_ROTATION_DIRECTION,
         VR::CS,
@@ -326,6 +408,13 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
     jaws.extend(leaves);
     point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, jaws);
     Ok(point)
+}
+
+fn angle(what: &'static str, value: f64) -> Result<f64, ExportError> {
+    match (0.0..360.0).contains(&value) {
+        true => Ok(value),
+        false => Err(ExportError::Number { what, value, why: "0 to below 360 degrees is expected" }),
+    }
 }
 
 fn positive(what: &'static str, value: f64) -> Result<f64, ExportError> {

@@ -133,6 +133,7 @@ static TREATMENT: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
         weight: 1.0,
         field_mm: [[-35.0, 40.0], [-10.0, 10.0]],
         segments: vec![segment(-20.0), segment(10.0)],
+        arc: None,
     };
     let plan = Plan {
         label: "one",

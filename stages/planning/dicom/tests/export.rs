@@ -34,6 +34,7 @@ fn beams() -> Vec<Beam> {
         weight: (i + 2) as f64 / 20.0,
         field_mm: [[-35.0, 40.0], [-30.5, 30.0]],
         segments: Vec::new(),
+        arc: None,
     };
     (0..5).map(beam).collect()
 }

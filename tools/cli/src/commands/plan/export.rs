@@ -77,6 +77,7 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
             weight: leaves.beam_units(beam) / all,
             field_mm: beam.field_mm,
             segments: beam.segments.iter().map(segment).collect(),
+            arc: None,
         }
     };
     leaves.beams(outcome.run).map(beam).collect()
@@ -122,6 +123,7 @@ fn beams(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Vec<B
             // The beam's x is that of the collimator at 0 degrees; its z, to the head, is the collimator's y.
             field_mm: [edge(0), edge(1)],
             segments: Vec::new(),
+            arc: None,
         })
     };
     best.beams.beams().iter().filter_map(of).collect()
