@@ -8,16 +8,18 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Prescription;
 use thiserror::Error;
 
+use crate::arc::{ArcBeam, ArcPoint};
 use crate::check::{Bounds, CheckValues, Checked};
-use crate::dose::{BeamAngles, Collimator, EngineName};
+use crate::dose::{ArcLimits, BeamAngles, Collimator, EngineName, farthest_mm};
 use crate::evaluation::{FallOff, StructureDose};
 use crate::protocol::{Judged, Served};
 use crate::recipe::{MethodName, StartFluence};
 use crate::recompute::BeamFluence;
 
-/// Newest version of the file, which this build reads and writes: that of plans with couch angles. A build that knows none
-/// refuses it, and does not take its beams for others.
-pub const PLAN_FILE_VERSION: u32 = 2;
+/// Newest version of the file, which this build reads and writes: that of plans of arcs. A build that knows none refuses it.
+pub const PLAN_FILE_VERSION: u32 = 3;
+/// Version of plans with couch angles. A build that knows none refuses it, and does not take its beams for others.
+const COUCH_VERSION: u32 = 2;
 /// Version of plans without couch angles.
 const COPLANAR_VERSION: u32 = 1;
 
@@ -92,6 +94,9 @@ pub struct PlanFile {
     pub figures: PlanFileFigures,
     /// The segments, where there are some.
     pub leaves: Option<PlanFileLeaves>,
+    /// The arcs of a plan of arcs, which has no `beams`: `objective` and figures are of their dose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arcs: Option<PlanFileArcs>,
     /// Which objective serves each limit of the protocol.
     #[serde(default)]
     pub served: Vec<PlanFileServed>,
@@ -401,6 +406,115 @@ pub struct PlanFileSegment {
     pub open_pair_from_to_mm: Vec<(usize, f64, f64)>,
 }
 
+/// The arcs of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileArcs {
+    /// The leaves.
+    pub collimator: Collimator,
+    /// How fast gantry, leaves and dose may be.
+    pub limits: ArcLimits,
+    /// Monitor units in one fraction.
+    pub monitor_units: f64,
+    /// Seconds with the beam on, from the first control point of each arc to its last, in one fraction.
+    pub seconds: f64,
+    /// Largest distance between the angles of the dose, degrees.
+    pub angles_deg: f64,
+    /// Width of the bixels of the dose, mm.
+    pub bixel_mm: f64,
+    /// How far the doses of half as many angles are from this one, over the points: root of the mean square, gray.
+    pub spacing_rms_gy: f64,
+    /// The largest of these distances, gray.
+    pub spacing_largest_gy: f64,
+    /// The objective of the search for leaves, at its own points: of the start, and after each round.
+    pub objectives: Vec<f64>,
+    /// Points of the search.
+    pub points: usize,
+    /// The arcs.
+    pub arcs: Vec<PlanFileArc>,
+}
+
+/// An arc.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileArc {
+    /// Which way it goes, as on the command line.
+    pub arc: String,
+    /// Monitor units in one fraction.
+    pub monitor_units: f64,
+    /// Seconds with the beam on.
+    pub seconds: f64,
+    /// The jaws along x and z, mm.
+    pub field_x_z_mm: [[f64; 2]; 2],
+    /// Number of the first pair of leaves whose tips are written; pairs before and behind those are closed.
+    pub first_pair: usize,
+    /// Its control points.
+    pub control_points: Vec<PlanFileControlPoint>,
+}
+
+/// A control point of an arc.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileControlPoint {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Monitor units given up to here in one fraction.
+    pub monitor_units: f64,
+    /// Tips of the pairs in the jaws, mm.
+    pub tips_mm: Vec<[f64; 2]>,
+}
+
+impl PlanFileLeaves {
+    /// Seconds of one fraction: monitor units at the highest dose rate, leaves between segments, and the gantry between beams, which
+    /// does not turn through 180 degrees. Nothing for the beam to go on and off, nor for a couch that turns.
+    pub fn seconds(&self, limits: &ArcLimits) -> f64 {
+        let mut seconds = 60.0 * self.monitor_units / limits.mu_per_min;
+        for beam in &self.beams {
+            let over = self.collimator.over_travel_mm;
+            let closed = beam.field_x_z_mm[0][0].clamp(-over, over);
+            let tips = |segment: &PlanFileSegment| {
+                let mut tips = vec![[closed; 2]; self.collimator.pairs()];
+                for (pair, from, to) in &segment.open_pair_from_to_mm {
+                    if let Some(tips) = tips.get_mut(*pair) {
+                        *tips = [*from, *to];
+                    }
+                }
+                tips
+            };
+            for pair in beam.segments.windows(2) {
+                seconds += farthest_mm(&tips(&pair[0]), &tips(&pair[1])) / limits.leaf_mm_per_s;
+            }
+        }
+        let mut angles: Vec<f64> =
+            self.beams.iter().map(|beam| (beam.gantry_deg - 180.0).rem_euclid(360.0)).collect();
+        angles.sort_by(f64::total_cmp);
+        let turned: f64 = angles.windows(2).map(|pair| pair[1] - pair[0]).sum();
+        seconds + turned / limits.gantry_deg_per_s
+    }
+}
+
+impl PlanFileArc {
+    /// Of an arc on a machine with these leaves and limits.
+    pub fn new(beam: &ArcBeam, collimator: &Collimator, limits: &ArcLimits) -> Self {
+        let [_, [low, high]] = beam.field_mm;
+        let is_in_jaws = |pair: &usize| {
+            let [from, to] = collimator.pair_mm(*pair);
+            from < high && to > low
+        };
+        let pairs: Vec<usize> = (0..collimator.pairs()).filter(is_in_jaws).collect();
+        let point = |point: &ArcPoint| PlanFileControlPoint {
+            gantry_deg: point.gantry_deg.rem_euclid(360.0),
+            monitor_units: point.units,
+            tips_mm: pairs.iter().map(|pair| point.tips_mm[*pair]).collect(),
+        };
+        Self {
+            arc: beam.spec.to_string(),
+            monitor_units: beam.units(),
+            seconds: beam.seconds(limits),
+            field_x_z_mm: beam.field_mm,
+            first_pair: pairs.first().copied().unwrap_or_default(),
+            control_points: beam.points.iter().map(point).collect(),
+        }
+    }
+}
+
 /// Figures of a set-up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanFileSetup {
@@ -510,10 +624,10 @@ impl PlanFile {
         Ok(serde_json::from_slice(bytes)?)
     }
 
-    /// The version that a plan of these beams is written as.
+    /// The version that a plan of these static beams is written as.
     pub fn version_of(beams: &[PlanFileBeam]) -> u32 {
         let is_coplanar = beams.iter().all(|beam| beam.couch_deg == 0.0);
-        if is_coplanar { COPLANAR_VERSION } else { PLAN_FILE_VERSION }
+        if is_coplanar { COPLANAR_VERSION } else { COUCH_VERSION }
     }
 
     /// The text of the file.
@@ -522,6 +636,13 @@ impl PlanFile {
     /// Never for the numbers of a plan.
     pub fn to_json(&self) -> Result<String, PlanFileError> {
         Ok(serde_json::to_string_pretty(self)?)
+    }
+
+    /// Seconds of one fraction on a machine with these limits: of segments without what [`PlanFileLeaves::seconds`] leaves out, of arcs with
+    /// the beam on; nothing for a fluence that is not sequenced.
+    pub fn seconds(&self, limits: &ArcLimits) -> Option<f64> {
+        let of_segments = self.leaves.as_ref().map(|leaves| leaves.seconds(limits));
+        of_segments.or(self.arcs.as_ref().map(|arcs| arcs.seconds))
     }
 
     /// Figures of the segments where there are some, of the planned fluence otherwise.
@@ -584,6 +705,29 @@ impl Histogram {
 mod tests {
     use super::*;
 
+    #[test]
+    fn the_time_of_segments_is_that_of_units_leaves_and_gantry() {
+        let segment = |monitor_units, from, to| PlanFileSegment {
+            monitor_units,
+            open_pair_from_to_mm: vec![(40, from, to)],
+        };
+        let beam = |gantry_deg| PlanFileLeafBeam {
+            gantry_deg,
+            couch_deg: 0.0,
+            monitor_units: 50.0,
+            field_x_z_mm: [[-20.0, 30.0], [0.0, 5.0]],
+            segments: vec![segment(30.0, -20.0, 30.0), segment(20.0, -20.0, 5.0)],
+        };
+        let leaves: PlanFileLeaves = serde_json::from_value(serde_json::json!({
+            "collimator": Collimator::generic(), "objective": 1.0, "loss": 0.0, "segments": 4, "monitor_units": 100.0,
+            "beams": [beam(170.0), beam(190.0)]
+        }))
+        .unwrap();
+        // 10 s for 100 units, 1 s for 25 mm in each beam, and 340 degrees the long way round.
+        let seconds = leaves.seconds(&ArcLimits::generic());
+        assert!((seconds - 10.0 - 2.0 - 340.0 / 6.0).abs() < 1e-9, "{seconds}");
+    }
+
     const OLDER: &str = r#"{
         "case": { "name": "a", "hash": "00" }, "fractions": null,
         "machine": { "energy_mv": 6, "provenance": "generic" },
@@ -601,9 +745,9 @@ mod tests {
 
     #[test]
     fn a_file_of_a_newer_version_is_refused_by_its_version() {
-        let newer = br#"{ "version": 3, "beams_of_a_new_shape": [] }"#;
+        let newer = br#"{ "version": 4, "beams_of_a_new_shape": [] }"#;
         let refused = PlanFile::from_json(newer).unwrap_err().to_string();
-        assert!(refused.starts_with("unknown version of plan.json: 3 (allowed: up to 2)"), "{refused}");
+        assert!(refused.starts_with("unknown version of plan.json: 4 (allowed: up to 3)"), "{refused}");
         assert!(PlanFile::from_json(b"{}").unwrap_err().to_string().contains("missing field"));
     }
 }

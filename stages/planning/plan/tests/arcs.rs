@@ -8,9 +8,9 @@ use stillpoint_patient::case::phantom;
 use stillpoint_plan::arc::{
     ArcField, ArcLimits, ArcOptions, ArcSpec, Bounds, Optimised, Tip, Trajectory, add_move, optimise, slope,
 };
-use stillpoint_plan::dose::Collimator;
+use stillpoint_plan::dose::{Collimator, EngineName};
 use stillpoint_plan::fluence::DoseChange;
-use stillpoint_plan::recipe::{PlanSetup, PointScheme, SetupSpec};
+use stillpoint_plan::recipe::{ArcProgress, PlanSetup, PointScheme, SetupSpec};
 
 fn threads(number: usize) -> NonZeroUsize {
     NonZeroUsize::new(number).unwrap()
@@ -45,27 +45,25 @@ fn optimised(setup: &PlanSetup, field: &ArcField, limits: ArcLimits, number: usi
 #[test]
 fn course_of_arcs() {
     let Ok(arcs) = std::env::var("ARC_RUN") else { return };
-    let spec = SetupSpec { points: PointScheme::Thinned, ..SetupSpec::shipped().unwrap() };
+    let engine = std::env::var("ARC_ENGINE").map_or(EngineName::Pencil, |name| name.parse().unwrap());
     let began = std::time::Instant::now();
-    let setup = PlanSetup::new(phantom(0).unwrap(), spec).unwrap();
+    let setup = PlanSetup::new(phantom(0).unwrap(), SetupSpec::shipped().unwrap()).unwrap();
+    let setup = setup.by(engine).unwrap();
     println!("{} points, {:?}", setup.goals.voxels().len(), began.elapsed());
-    let field = field(&setup, &arcs, 1);
-    println!("{} rows, {} entries, {:?}", field.rows.len(), field.entries(), began.elapsed());
-    let report = |round: usize, cost: f64| println!("round {round}: {cost:.1}, {:?}", began.elapsed());
-    let found = optimise(
-        &field,
-        &setup.goals,
-        &bounds(&field, ArcLimits::generic()),
-        ArcOptions::default(),
-        threads(1),
-        report,
-    )
-    .unwrap();
+    let report = |progress: ArcProgress| println!("{progress:?} {:?}", began.elapsed());
+    let arcs = ArcSpec::list(&arcs).unwrap();
+    let found = setup.plan_arcs(&arcs, ArcOptions::default(), threads(1), report).unwrap();
     let limits = ArcLimits::generic();
-    let seconds: f64 =
-        found.trajectory.stretches(&field, 100.0 / 39.0).iter().map(|s| limits.seconds(s)).sum();
-    let units: f64 = found.trajectory.weights.iter().sum::<f64>() * 100.0 / 39.0;
-    println!("{:.1}, {seconds:.0} s, {units:.0} MU", found.objective);
+    for beam in &found.beams {
+        println!(
+            "{}: {:.0} MU, {:.0} s, {:?}",
+            beam.spec,
+            beam.units(),
+            beam.seconds(&limits),
+            beam.field_mm
+        );
+    }
+    println!("{:.1}, {:?}, {} points of the search", found.objective, found.spacing, found.points);
 }
 
 /// The pelvis of seed 0 and a partial arc, optimised.

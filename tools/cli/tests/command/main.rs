@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod arc;
 mod bench;
 mod bladder;
 mod browser;

@@ -329,7 +329,8 @@ impl Cells<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arc::{ArcLimits, Bounds, Trajectory};
+    use crate::arc::{Bounds, Trajectory};
+    use crate::dose::ArcLimits;
     use crate::recipe::{PlanSetup, PointScheme, SetupSpec};
     use stillpoint_patient::case::phantom;
 

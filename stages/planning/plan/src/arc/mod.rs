@@ -4,14 +4,16 @@
 //! monitor units is given for each degree of an interval (DICOM PS3.3 C.8.8.14). So the variables are the tips at control points and the weights of
 //! *intervals*, and the dose of an interval is that of its tips at the midpoints of its halves.
 //!
-//! - `spec`: which way an arc goes; `limits`: what the machine can do, and the time that it takes
+//! - `spec`: which way an arc goes
 //! - `field`: control points, and the doses of all that leaves can open
 //! - `trajectory`: tips and weights, with the limits that they keep
 //! - `start`: apertures by price; `sweep`: the leaves; `weights`: the weights of intervals
 //! - `optimise`: all of it
+//! - `beam`: the leaves of an arc as they are exported; `dose`: the dose that is reported, of angles that are closer to each other
 
+mod beam;
+mod dose;
 mod field;
-mod limits;
 mod optimise;
 mod spec;
 mod start;
@@ -25,8 +27,10 @@ use crate::RowsError;
 use crate::dose::DoseError;
 use crate::fluence::{GoalsError, ProblemError};
 
+pub use crate::dose::{ArcLimits, Stretch};
+pub use beam::{ArcBeam, ArcPoint};
+pub use dose::{ArcDose, REPORTED_BIXELS, REPORTED_DEG, SpacingError};
 pub use field::{ArcField, CellDoses, ControlAngle, Interval, LeafRow};
-pub use limits::{ArcLimits, Stretch};
 pub use optimise::{ArcOptions, Optimised, optimise};
 pub use spec::{ArcSpec, ArcSpecError};
 pub use sweep::{Tip, add_move, slope};

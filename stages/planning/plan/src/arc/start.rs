@@ -57,7 +57,7 @@ pub fn start(
         for (slope, point, tips) in found {
             let is_far = now.iter().all(|other| other.abs_diff(point) >= AT_ONCE.1);
             if now.len() < AT_ONCE.0 && is_far && slope <= 0.5 * best {
-                columns.push(field, &still_dose(field, point, &tips), goals);
+                columns.push(still_dose(field, point, &tips), goals)?;
                 placed[point] = Some(tips);
                 order.push(point);
                 weights.push(0.0);
@@ -130,12 +130,12 @@ fn steepest(
 /// Where each tip of a row can be at a control point, given the nearest placed apertures of its arc.
 fn reachable(field: &ArcField, bounds: &Bounds, placed: &Placed, point: usize, row: usize) -> [[f64; 2]; 2] {
     let mut allowed = bounds.ends_mm[row];
-    let mut restrict = |way_mm: f64, tips: &[[f64; 2]]| {
+    let mut restrict = |travel_mm: f64, tips: &[[f64; 2]]| {
         for bank in 0..2 {
             let [low, high] = allowed[bank];
-            let low = low.max(tips[row][bank] - way_mm);
+            let low = low.max(tips[row][bank] - travel_mm);
             // Not below it, whatever the rounding.
-            allowed[bank] = [low, high.min(tips[row][bank] + way_mm).max(low)];
+            allowed[bank] = [low, high.min(tips[row][bank] + travel_mm).max(low)];
         }
     };
     let (mut at, mut travel_mm) = (point, 0.0);

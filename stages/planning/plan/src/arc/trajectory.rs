@@ -1,8 +1,7 @@
 //! Where the leaves are at each control point, and what is given between them.
 
 use super::field::{ArcField, Interval, part};
-use super::limits::{ArcLimits, Stretch};
-use crate::dose::Collimator;
+use crate::dose::{ArcLimits, Collimator, Stretch, farthest_mm};
 
 /// Tips are at whole micrometres in a plan, so that every limit holds in the decimals of a file.
 const GRID_PER_MM: f64 = 1e3;
@@ -79,9 +78,7 @@ impl Trajectory {
 
     /// The longest way of a tip in an interval, mm.
     pub fn travel_mm(&self, interval: &Interval) -> f64 {
-        let [from, to] = [&self.tips_mm[interval.from], &self.tips_mm[interval.from + 1]];
-        let ways = from.iter().zip(to).flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]);
-        ways.fold(0.0, f64::max)
+        farthest_mm(&self.tips_mm[interval.from], &self.tips_mm[interval.from + 1])
     }
 
     /// The stretches of an arc's intervals.

@@ -25,12 +25,13 @@ pub struct ArcColumns {
 
 impl ArcColumns {
     /// Adds a dose of the rows of the goals.
-    pub fn push(&mut self, field: &ArcField, dose: &[f64], goals: &Goals) {
-        debug_assert_eq!(dose.len(), field.goal_rows());
-        if let Ok(matrix) = matrix(dose, goals) {
-            self.matrices.push(matrix);
-            self.dense.push(dose.to_vec());
-        }
+    ///
+    /// # Errors
+    /// It makes no matrix.
+    pub fn push(&mut self, dose: Vec<f64>, goals: &Goals) -> Result<(), ArcError> {
+        self.matrices.push(matrix(&dose, goals)?);
+        self.dense.push(dose);
+        Ok(())
     }
 
     /// The doses of all intervals of a trajectory.
@@ -98,40 +99,56 @@ pub fn improve(
     threads: NonZeroUsize,
 ) -> Result<RunningCost, ArcError> {
     let columns = ArcColumns::of_intervals(field, trajectory, goals, threads)?;
-    let problem = goals.problem(&[])?;
-    let running = |weights: &[f64]| problem.running(columns.dose(field.goal_rows(), weights));
-    let before = running(&trajectory.weights);
-    let solved = solved(goals, &columns, &trajectory.weights)?;
-    let is_within =
-        solved.iter().zip(&bounds.weights).all(|(weight, [low, high])| (*low..=*high).contains(weight));
-    if is_within {
-        let after = running(&solved);
-        if after.cost() < before.cost() {
-            trajectory.weights = solved;
-            return Ok(after);
-        }
-        return Ok(before);
-    }
-    let mut now = before;
-    let mut change = DoseChange::new(field.goal_rows());
-    for _ in 0..ROUNDS {
-        for (column, weight) in trajectory.weights.iter_mut().enumerate() {
-            let [low, high] = bounds.weights[column];
-            change.clear();
-            columns.change(column, 1.0, &mut change);
-            let [slope, curvature] = now.along(&change);
-            if curvature <= 0.0 {
-                continue;
+    columns.improve(goals, &bounds.weights, &mut trajectory.weights)
+}
+
+impl ArcColumns {
+    /// Better weights of these columns within bounds, where there are any, with what they cost; that never rises.
+    ///
+    /// # Errors
+    /// The goals make no problem.
+    pub fn improve(
+        &self,
+        goals: &Goals,
+        bounds: &[[f64; 2]],
+        weights: &mut Vec<f64>,
+    ) -> Result<RunningCost, ArcError> {
+        let rows = goals.voxels().len();
+        let problem = goals.problem(&[])?;
+        let running = |weights: &[f64]| problem.running(self.dose(rows, weights));
+        let before = running(weights);
+        let solved = solved(goals, self, weights)?;
+        let is_within =
+            solved.iter().zip(bounds).all(|(weight, [low, high])| (*low..=*high).contains(weight));
+        if is_within {
+            let after = running(&solved);
+            if after.cost() < before.cost() {
+                *weights = solved;
+                return Ok(after);
             }
-            let by = (*weight - slope / curvature).clamp(low, high) - *weight;
-            change.clear();
-            columns.change(column, by, &mut change);
-            let added = now.added(&change);
-            if added < 0.0 {
-                now.make(&change, added);
-                *weight += by;
+            return Ok(before);
+        }
+        let mut now = before;
+        let mut change = DoseChange::new(rows);
+        for _ in 0..ROUNDS {
+            for (column, weight) in weights.iter_mut().enumerate() {
+                let [low, high] = bounds[column];
+                change.clear();
+                self.change(column, 1.0, &mut change);
+                let [slope, curvature] = now.along(&change);
+                if curvature <= 0.0 {
+                    continue;
+                }
+                let by = (*weight - slope / curvature).clamp(low, high) - *weight;
+                change.clear();
+                self.change(column, by, &mut change);
+                let added = now.added(&change);
+                if added < 0.0 {
+                    now.make(&change, added);
+                    *weight += by;
+                }
             }
         }
+        Ok(running(weights))
     }
-    Ok(running(&trajectory.weights))
 }

@@ -232,14 +232,15 @@ fn engine_key(engine: &DoseEngine) -> Key {
     let is_pencil = params.engine == EngineName::Pencil;
     part(if is_pencil { METHOD } else { SUPERPOSITION });
     // Debug output of numbers is exact: the shortest text that reads back as the same number.
-    // Doses of bixels are those of the open field: they do not depend on the leaves, nor on where the couch has room.
-    let mut open = MachineFile { collimator: None, free_angles: None, ..machine.file().clone() };
+    // Doses of bixels are those of the open field: they do not depend on the leaves, nor on how fast these are, nor on where the
+    // couch has room.
+    let mut open = MachineFile { collimator: None, free_angles: None, arc: None, ..machine.file().clone() };
     if is_pencil {
         open.superposition = None;
     }
     let text = format!("{open:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}");
     // Pencil beams keep the names that they had before there was another method.
-    let text = text.replace(", free_angles: None }", " }");
+    let text = text.replace(", arc: None }", " }").replace(", free_angles: None }", " }");
     let text = text.replace(", superposition: None }", " }").replace(", engine: Pencil }", " }");
     part(text.as_bytes());
     // The doses of patients who lie head first and supine keep the names of their files.

@@ -66,6 +66,7 @@ impl MachineFile {
             collimator: Some(Collimator::generic()),
             superposition: None,
             free_angles: None,
+            arc: None,
         }
     }
 }

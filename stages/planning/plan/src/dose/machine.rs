@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::arc_limits::ArcLimits;
 use super::clearance::FreeRange;
 use super::collimator::Collimator;
 use super::superposition::Superposition;
@@ -48,6 +49,9 @@ pub struct MachineFile {
     /// Angles of gantry and couch that are free of collisions; without them, those of [`FreeRange::generic`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub free_angles: Option<Vec<FreeRange>>,
+    /// How fast gantry, leaves and dose may be in an arc; without it, those of [`ArcLimits::generic`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arc: Option<ArcLimits>,
 }
 
 /// A machine that holds together. Only this one computes dose.
@@ -122,6 +126,11 @@ impl Machine {
         self.0.free_angles.clone().unwrap_or_else(FreeRange::generic)
     }
 
+    /// How fast gantry, leaves and dose may be in an arc.
+    pub fn arc_limits(&self) -> ArcLimits {
+        self.0.arc.unwrap_or(ArcLimits::generic())
+    }
+
     /// The machine that a file describes, if its numbers fit each other.
     pub fn new(file: MachineFile) -> Result<Self, MachineError> {
         in_range("energy_mv", file.energy_mv, 1.0..=50.0, "from 1 to 50 MV")?;
@@ -140,6 +149,7 @@ impl Machine {
                 });
             }
         }
+        file.arc.iter().try_for_each(ArcLimits::check)?;
         FreeRange::check(file.free_angles.as_deref().unwrap_or(&FreeRange::generic()))?;
         table("primary_fluence_r_mm_value", &file.primary_fluence_r_mm_value, 0.0..=100.0, "from 0 to 100")?;
         table("hu_to_density", &file.hu_to_density, 0.0..=25.0, "from 0 to 25")?;
@@ -295,6 +305,7 @@ mod tests {
             collimator: None,
             superposition: None,
             free_angles: None,
+            arc: None,
         }
     }
 

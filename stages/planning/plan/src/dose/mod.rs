@@ -4,7 +4,7 @@
 //! three kernels, each with a depth dose of its own, over the water that lies between the source and the voxel.
 //!
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
-//! - `collimator`: the leaves of the machine; `clearance`: where gantry and couch have room
+//! - `collimator`: the leaves of the machine; `clearance`: where gantry and couch have room; `arc_limits`: what moves how fast in an arc
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `angles`: gantry and couch
 //! - `beam`: one beam, bixel by bixel
@@ -22,6 +22,7 @@
 //! - `error`: what can be wrong
 
 mod angles;
+mod arc_limits;
 mod beam;
 mod bixels;
 mod cache;
@@ -45,6 +46,8 @@ mod siddon;
 mod superposition;
 
 pub use angles::{BeamAngles, NotAngles};
+pub(crate) use arc_limits::farthest_mm;
+pub use arc_limits::{ArcLimits, Stretch};
 pub use beam::BeamInfluence;
 pub use bixels::{BixelCentre, BixelSpec};
 pub use cache::{CacheError, CachedBeam, DoseCache, Origin};
@@ -54,7 +57,6 @@ pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};
 pub use low_density::{LEAST_LOW_DENSITY_MM, LowDensity};
-pub(crate) use machine::in_range;
 pub use machine::{Machine, MachineError, MachineFile};
 pub use name::{EngineName, UnknownEngine};
 pub use portable::PortableError;

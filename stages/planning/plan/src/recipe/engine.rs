@@ -111,7 +111,11 @@ impl PlanSetup {
         self.low_density_at(&self.directions.all(beams))
     }
 
-    fn low_density_at(&self, beams: &[BeamAngles]) -> Result<LowDensity, DoseError> {
+    /// The same of beams of these angles.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn low_density_at(&self, beams: &[BeamAngles]) -> Result<LowDensity, DoseError> {
         let mut sum = LowDensity::default();
         for angles in beams {
             let bixels_mm = self.engine().bixels_mm(*angles)?;

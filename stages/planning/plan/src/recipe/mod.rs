@@ -17,12 +17,14 @@
 //! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
 //! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
+//! - `arc`: a plan of arcs
 //! - `couch`: the search goes on with couch angles
 //! - `settle`: the last solve of a plan by superposition, on corrected columns
 //! - `plan`: all of it in one call; `given`: a plan of weights that another program made; `start`: a plan that begins with the
 //!   fluence of another one
 //! - `delivery`: the check of a plan before it leaves
 
+mod arc;
 mod couch;
 mod delivery;
 mod doses;
@@ -37,6 +39,7 @@ mod setup;
 mod spec;
 mod start;
 
+pub use arc::{ArcPlanError, ArcProgress, PlannedArcs};
 pub use couch::{CouchError, CouchRun, Higher};
 pub use delivery::Delivery;
 pub use doses::PlanDoses;

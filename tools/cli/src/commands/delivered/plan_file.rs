@@ -47,6 +47,12 @@ impl DeliveredPlan {
                 case.name()
             )));
         }
+        if plan.arcs.is_some() {
+            return Err(fault(
+                &"this plan is of arcs, and the dose to a moving patient is computed for static beams alone: give a plan of \
+                  static beams",
+            ));
+        }
         let machine = machine_of(machine)?;
         let file = machine.file();
         if file.energy_mv != plan.machine.energy_mv || file.provenance != plan.machine.provenance {

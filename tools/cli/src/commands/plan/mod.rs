@@ -1,6 +1,7 @@
 //! `stillpoint plan`: beams and fluence for a case.
 //!
 //! - `args`: the arguments; `request`: the same, checked
+//! - `arc`: the plan of a patient in arcs
 //! - `patient`: the plan of one patient; `queue`: those of many
 //! - `prepared`: the doses of the beams, from the cache
 //! - `leaves`: the segments of a plan
@@ -16,6 +17,7 @@
 //! - `recalculate`: the dose of an RTPLAN of any program
 //! - `matrix`, `weights`: the dose matrix for other optimisers, and weights of theirs
 
+mod arc;
 mod args;
 mod charts;
 mod compare;
@@ -102,6 +104,9 @@ impl Plan {
             cases => return Queue::new(args, cases, threads)?.execute(),
         };
         let patient = Patient { case, out: args.out.clone(), threads, is_quiet: args.json, weights: None };
+        if let Some(arcs) = &args.arc {
+            return arc::plan(args, &patient, arcs)?.report(args.json);
+        }
         patient::plan(args, &patient, |made| report(made, args.json))
     }
 }

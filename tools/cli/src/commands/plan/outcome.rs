@@ -240,6 +240,7 @@ impl<'a> Outcome<'a> {
             beams,
             figures: figures_of(request, &self.figures, &self.given[0], self.fall_off, &self.limits),
             leaves: self.leaves.as_ref().map(|leaves| leaves.file(request, self.run)),
+            arcs: None,
             served: setup.served.iter().map(PlanFileServed::from).collect(),
             check: Some(PlanFileCheck::new(&self.checked, request.accept_check.as_deref())),
             setups: request.setups_mm[1..].iter().zip(&self.moved).map(moved).collect(),
@@ -275,7 +276,7 @@ fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn objectives(requested: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
+pub fn objectives(requested: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
     let objectives: Result<Vec<_>, _> = requested.objectives.iter().map(serde_json::to_value).collect();
     Ok(PlanFileObjectives {
         structure: requested.name.clone(),

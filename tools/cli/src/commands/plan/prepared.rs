@@ -39,27 +39,10 @@ impl Prepared {
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = setup.prescribed_gy();
-        let mut notes = setup.objective_set.notes.clone();
+        let mut notes = notes(request);
         let replaced = doses.solved.replaced();
         notes.extend(replaced.map(|fault| format!("a cached dose was computed again: {fault}")));
-        notes.extend(leaving_outline(&setup.case).into_iter().map(|(name, outside_cm3, whole_cm3)| {
-            format!(
-                "{name}: {outside_cm3:.2} of its {whole_cm3:.2} cm3 are outside of the outline of the patient and get no \
-                 dose; they count in its figures"
-            )
-        }));
-        notes.extend(request.protocol_note.clone());
-        notes.extend(setup.spec.machine.beyond_table(&setup.case));
-        notes.extend(request.caution.clone());
-        if setup.case.fractions().is_none() {
-            notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
-        }
-        Ok(Self {
-            doses,
-            volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
-            prescribed_gy,
-            notes,
-        })
+        Ok(Self { doses, volumes_at_gy: volumes_at_gy(prescribed_gy), prescribed_gy, notes })
     }
 
     /// Says what the plan is made on.
@@ -75,6 +58,30 @@ impl Prepared {
             bytes as f64 * 1e-6
         );
     }
+}
+
+/// Doses at which volumes are reported, up to the highest prescription.
+pub fn volumes_at_gy(prescribed_gy: f64) -> Vec<f64> {
+    VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect()
+}
+
+/// What people should know of a plan, whatever its beams are.
+pub fn notes(request: &Request) -> Vec<String> {
+    let setup = &request.setup;
+    let mut notes = setup.objective_set.notes.clone();
+    notes.extend(leaving_outline(&setup.case).into_iter().map(|(name, outside_cm3, whole_cm3)| {
+        format!(
+            "{name}: {outside_cm3:.2} of its {whole_cm3:.2} cm3 are outside of the outline of the patient and get no \
+             dose; they count in its figures"
+        )
+    }));
+    notes.extend(request.protocol_note.clone());
+    notes.extend(setup.spec.machine.beyond_table(&setup.case));
+    notes.extend(request.caution.clone());
+    if setup.case.fractions().is_none() {
+        notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
+    }
+    notes
 }
 
 /// A progress bar on standard error, where that is a terminal.

@@ -17,6 +17,7 @@ use stillpoint_patient::case::read;
 use stillpoint_plan::plan_file::PlanFile;
 use stillpoint_pool::Build;
 
+use super::arc;
 use super::args::PlanArgs;
 use super::patient;
 use super::request::Patient;
@@ -178,7 +179,10 @@ impl<'a> Queue<'a> {
             is_quiet: true,
             weights: None,
         };
-        patient::plan(self.args, &patient, |_| Ok(()))?;
+        match &self.args.arc {
+            Some(arcs) => arc::plan(self.args, &patient, arcs).map(|_| ())?,
+            None => patient::plan(self.args, &patient, |_| Ok(())).map(|_| ())?,
+        }
         let text = serde_json::to_vec_pretty(&request).map_err(Failure::failed)?;
         stillpoint_map::publish(&file, |file| std::io::Write::write_all(file, &text)).map_err(fault)?;
         Ok((State::Planned, plan_of(&out)?))
@@ -207,6 +211,7 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         network,
         leaves,
         angles,
+        arc,
         couch,
         compare,
         robust,
@@ -234,6 +239,7 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         "network": content(network)?,
         "leaves": leaves,
         "angles": angles,
+        "arc": arc,
         "couch": couch,
         "compare": compare,
         "robust": robust,

@@ -96,6 +96,12 @@ impl Request {
         let (protocol, protocol_note) = protocol(&case, given.protocol.as_deref())?;
         spec.protocol = protocol;
         let start = given.start.as_deref().map(|path| plan_at(path).map(|(_, plan)| plan)).transpose()?;
+        if let (Some(path), true) = (&given.start, start.as_ref().is_some_and(|plan| plan.arcs.is_some())) {
+            return Err(Failure::wrong(format!(
+                "--start {}: this plan is of arcs, which have no fluence of static beams to start from: plan arcs with --arc",
+                path.display()
+            )));
+        }
         let angles = match &start {
             Some(plan) => Some(plan.angles()),
             None => given.angles.as_deref().map(angles_of).transpose()?,

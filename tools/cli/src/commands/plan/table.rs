@@ -1,5 +1,6 @@
 //! The figures of a plan, for people.
 
+use stillpoint_plan::check::Checked;
 use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
@@ -65,9 +66,15 @@ pub fn print(
     if let Some(fall_off) = &outcome.fall_off {
         outln!("{}", describe(fall_off));
     }
-    objectives(&outcome.objectives);
+    out!("{}", objectives(&outcome.objectives));
     if let Some(sequenced) = &outcome.leaves {
         leaves(request, prepared, sequenced);
+        let file = sequenced.file(request, outcome.run);
+        let seconds = file.seconds(&request.setup.spec.machine.arc_limits());
+        outln!(
+            "delivery: {:.1} min for monitor units, leaves and gantry; nothing for the beam to go on and off, nor for a couch",
+            seconds / 60.0
+        );
     }
     if let Some(protocol) = request.protocol() {
         // Of what is exported, as on the page.
@@ -75,9 +82,9 @@ pub fn print(
             Some(leaves) => ("segments", &leaves.limits),
             None => ("planned fluence", &outcome.limits),
         };
-        limits(&protocol.name, of, judged, &request.setup.served);
+        out!("{}", limits(&protocol.name, of, judged, &request.setup.served));
     }
-    check(request, outcome);
+    out!("{}", check(&outcome.checked, request.accept_check.as_deref()));
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
         structures(reference, &prepared.volumes_at_gy);
@@ -112,20 +119,19 @@ fn leaves(request: &Request, prepared: &Prepared, leaves: &Leaves<'_>) {
 }
 
 /// What the check of the plan says.
-fn check(request: &Request, outcome: &Outcome<'_>) {
-    if outcome.checked.faults.is_empty() {
-        outln!("\nplan check: passed");
-        return;
+pub fn check(checked: &Checked, accepted: Option<&str>) -> String {
+    if checked.faults.is_empty() {
+        return "\nplan check: passed\n".to_owned();
     }
-    outln!("\nplan check: refused");
-    for fault in &outcome.checked.faults {
-        outln!("  {fault}");
+    let mut text = "\nplan check: refused\n".to_owned();
+    for fault in &checked.faults {
+        text += &format!("  {fault}\n");
     }
-    match &request.accept_check {
-        Some(reason) => outln!("the plan is exported all the same: {reason}"),
-        None => outln!(
-            "the plan is not exported; a person who has looked at it can export it with --accept-check REASON"
-        ),
+    text + &match accepted {
+        Some(reason) => format!("the plan is exported all the same: {reason}\n"),
+        None => {
+            "the plan is not exported; a person who has looked at it can export it with --accept-check REASON\n".to_owned()
+        }
     }
 }
 
@@ -198,20 +204,21 @@ pub fn of_structures<'a>(
     table
 }
 
+/// What the headings mean.
+pub const HEADINGS: &str = "D98 is the dose in Gy that 98 % of the structure receive at least, D0.03 that of 0.03 cm3; V60 is the percentage that receives 60 Gy;\n\
+    V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
+    CI is Paddick's conformity index of the 95 % isodose";
+
 /// Says what the headings mean.
 pub fn explain() {
-    outln!(
-        "D98 is the dose in Gy that 98 % of the structure receive at least, D0.03 that of 0.03 cm3; V60 is the percentage that receives 60 Gy;\n\
-         V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
-         CI is Paddick's conformity index of the 95 % isodose"
-    );
+    outln!("{HEADINGS}");
 }
 
 /// The objectives that bound one quantity, with its true value beside the cost.
-fn objectives(results: &[ObjectiveResult]) {
+pub fn objectives(results: &[ObjectiveResult]) -> String {
     let bounding = || results.iter().filter_map(|r| Some((r, r.measured.as_ref()?)));
     if bounding().next().is_none() {
-        return;
+        return String::new();
     }
     let left = ["structure", "objective"].map(|name| (Side::Left, name));
     let right = ["plan", "cost"].map(|name| (Side::Right, name));
@@ -225,12 +232,13 @@ fn objectives(results: &[ObjectiveResult]) {
             if measured.met() { "met" } else { "NOT MET" }.to_owned(),
         ]);
     }
-    outln!("\nobjectives with a limit: values of the whole structures, costs at the optimised points\n");
-    out!("{table}");
+    format!(
+        "\nobjectives with a limit: values of the whole structures, costs at the optimised points\n\n{table}"
+    )
 }
 
 /// The limits of a protocol, with the values of the plan.
-fn limits(protocol: &str, of: &str, limits: &[Judged], served: &[Served]) {
+pub fn limits(protocol: &str, of: &str, limits: &[Judged], served: &[Served]) -> String {
     let head =
         [(Side::Left, "structure"), (Side::Left, "limit"), (Side::Right, "plan"), (Side::Left, "result")];
     let mut table = Columns::new(head.into_iter().chain([(Side::Left, "served by"), (Side::Left, "source")]));
@@ -241,21 +249,21 @@ fn limits(protocol: &str, of: &str, limits: &[Judged], served: &[Served]) {
         table.row([j.structure.clone(), j.limit.clone(), value, word, by, j.source.clone()]);
     }
     let count = |requested: Option<bool>| limits.iter().filter(|j| j.passed == requested).count();
-    outln!(
-        "\nprotocol {protocol}, dose of the {of}: {} limits passed, {} failed\n",
+    let mut text = format!(
+        "\nprotocol {protocol}, dose of the {of}: {} limits passed, {} failed\n\n{table}",
         count(Some(true)),
         count(Some(false))
     );
-    out!("{table}");
     let missing: Vec<&str> =
         limits.iter().filter(|j| j.passed.is_none()).map(|j| j.structure.as_str()).collect();
     if !missing.is_empty() {
-        outln!("not in the case: {}", missing.join(", "));
+        text += &format!("not in the case: {}\n", missing.join(", "));
     }
+    text
 }
 
 /// The fall-off of the dose around the targets.
-fn describe(fall_off: &FallOff) -> String {
+pub fn describe(fall_off: &FallOff) -> String {
     let gray = |dose: Option<f64>| dose.map_or("-".to_owned(), |gray| format!("{gray:.1} Gy"));
     format!(
         "R50 (volume of the 50 % isodose / volume of the targets) is {:.1}; D0.03 beyond 2 cm from the targets is {}, \

@@ -1,6 +1,7 @@
 //! The rows of two plans beside each other.
 
 use serde_json::{Value, json};
+use stillpoint_plan::dose::ArcLimits;
 use stillpoint_plan::evaluation::StructureDose;
 use stillpoint_plan::plan_file::PlanFileLeaves;
 use stillpoint_plan::protocol::Judged;
@@ -60,7 +61,15 @@ impl<'a> SideBySide<'a> {
                     .to_owned(),
             );
         }
-        if self.plans[0].file.leaves.is_some() != self.plans[1].file.leaves.is_some() {
+        if self.plans.iter().any(|p| p.file.arcs.is_some()) {
+            notes.push(
+                "Delivery is the time of monitor units, leaves and gantry. That of static beams is on the generic machine, and it has \
+                 nothing for the beam to go on and off, nor for a couch."
+                    .to_owned(),
+            );
+        }
+        let is_shaped = |p: &Compared| p.file.leaves.is_some() || p.file.arcs.is_some();
+        if is_shaped(&self.plans[0]) != is_shaped(&self.plans[1]) {
             notes.push(
                 "One plan is in segments and the other is a fluence that no leaves have shaped.".to_owned(),
             );
@@ -75,15 +84,27 @@ impl<'a> SideBySide<'a> {
             rows.push((name.to_owned(), [of(&self.plans[0]), of(&self.plans[1])]));
         };
         row("file", &|p| p.path.display().to_string());
-        row("beams", &|p| angles(&p.file.angles()));
+        row("beams", &|p| match &p.file.arcs {
+            Some(arcs) => {
+                arcs.arcs.iter().map(|arc| format!("arc {}", arc.arc)).collect::<Vec<_>>().join(", ")
+            }
+            None => angles(&p.file.angles()),
+        });
         row("method", &|p| p.file.method.to_string());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
         row("dose engine", &|p| p.file.dose.engine.to_string());
         row("grid of the dose, mm", &|p| format!("{:.2}", p.file.dose.grid.spacing_mm[0]));
-        row("figures of", &|p| {
-            if p.file.leaves.is_some() { "segments" } else { "planned fluence" }.to_owned()
+        row("figures of", &|p| figures_of(p).to_owned());
+        row("objective of the fluence", &|p| match p.file.arcs {
+            Some(_) => "-".to_owned(),
+            None => format!("{:.4}", p.file.objective),
         });
-        row("objective of the fluence", &|p| format!("{:.4}", p.file.objective));
+        if self.plans.iter().any(|p| p.file.arcs.is_some()) {
+            row("objective of the arcs", &|p| match p.file.arcs {
+                Some(_) => format!("{:.4}", p.file.objective),
+                None => "-".to_owned(),
+            });
+        }
         let leaves = |p: &'a Compared| p.file.leaves.as_ref();
         if self.plans.iter().any(|p| leaves(p).is_some()) {
             let of = |p: &Compared, text: &dyn Fn(&PlanFileLeaves) -> String| {
@@ -92,8 +113,10 @@ impl<'a> SideBySide<'a> {
             let objective = |l: &PlanFileLeaves| format!("{:.4} (+{:.1} %)", l.objective, 100.0 * l.loss);
             row("objective of the segments", &|p| of(p, &objective));
             row("segments", &|p| of(p, &|l| l.segments.to_string()));
-            row("monitor units a fraction", &|p| of(p, &|l| format!("{:.0}", l.monitor_units)));
         }
+        row("monitor units a fraction", &|p| number(units(p), 0));
+        let minutes = |p: &Compared| p.file.seconds(&ArcLimits::generic()).map(|seconds| seconds / 60.0);
+        row("delivery, min", &|p| number(minutes(p), 1));
         let fall_off = |p: &Compared| p.shown().fall_off;
         row("R50", &|p| number(fall_off(p).map(|f| f.r50), 2));
         row("D2cm (D0.03cc), Gy", &|p| number(fall_off(p).and_then(|f| f.d2cm_gy), 1));
@@ -161,11 +184,13 @@ impl<'a> SideBySide<'a> {
                 "method": p.file.method,
                 "bixel_mm": p.file.dose.bixel_mm,
                 "engine": p.file.dose.engine,
-                "figures_of": if p.file.leaves.is_some() { "segments" } else { "fluence" },
+                "figures_of": if figures_of(p) == "planned fluence" { "fluence" } else { figures_of(p) },
+                "arcs": p.file.arcs.as_ref().map(|arcs| arcs.arcs.iter().map(|arc| &arc.arc).collect::<Vec<_>>()),
+                "delivery_s": p.file.seconds(&ArcLimits::generic()),
                 "objective": p.file.objective,
                 "objective_of_segments": p.file.leaves.as_ref().map(|l| l.objective),
                 "segments": p.file.leaves.as_ref().map(|l| l.segments),
-                "monitor_units": p.file.leaves.as_ref().map(|l| l.monitor_units),
+                "monitor_units": units(p),
                 "structures": p.shown().structures,
                 "fall_off": p.shown().fall_off,
                 "limits": p.limits(),
@@ -173,4 +198,19 @@ impl<'a> SideBySide<'a> {
         };
         NAMES.into_iter().zip(self.plans).map(plan).collect()
     }
+}
+
+/// What the figures of a plan are of.
+fn figures_of(plan: &Compared) -> &'static str {
+    match (&plan.file.arcs, &plan.file.leaves) {
+        (Some(_), _) => "arcs",
+        (None, Some(_)) => "segments",
+        (None, None) => "planned fluence",
+    }
+}
+
+/// Monitor units of one fraction; nothing for a fluence that is not sequenced.
+fn units(plan: &Compared) -> Option<f64> {
+    let of_segments = plan.file.leaves.as_ref().map(|leaves| leaves.monitor_units);
+    of_segments.or(plan.file.arcs.as_ref().map(|arcs| arcs.monitor_units))
 }

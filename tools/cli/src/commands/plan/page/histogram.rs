@@ -43,7 +43,8 @@ pub fn blocks(request: &Request, outcome: &Outcome<'_>) -> Result<Vec<Block>, Fa
     Ok(vec![histograms.draw(&format!("Lines: the dose of the planned fluence{dashed}."))?])
 }
 
-fn curves<'a>(histograms: &[(&'a Structure, Dvh)], up_to: f64) -> Vec<(&'a str, Vec<(f64, f64)>)> {
+/// Curves of histograms with the names of their structures.
+pub fn curves<'a>(histograms: &[(&'a Structure, Dvh)], up_to: f64) -> Vec<(&'a str, Vec<(f64, f64)>)> {
     histograms.iter().map(|(structure, dvh)| (&structure.name[..], percent_curve(dvh, up_to))).collect()
 }
 

@@ -1,11 +1,13 @@
 //! `plan.html`: a plan as one self-contained page.
 //!
+//! - `arc`: the page of a plan in arcs
 //! - `slices`: the image with isodose lines; `eye`: fluence in beam's-eye view
 //! - `histogram`: planned and sequenced doses with prescriptions and limits
 //! - `beams`: angles, what each is worth, its fluence
 //! - `setup`: prescription, machine, objectives, notes
 //! - `parts`: tables of limits and figures
 
+pub mod arc;
 mod beams;
 mod eye;
 pub mod histogram;
@@ -14,7 +16,10 @@ pub mod setup;
 mod slices;
 
 use serde_json::Value;
+use stillpoint_patient::case::Structure;
+use stillpoint_plan::check::Checked;
 use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_report::html;
 use stillpoint_report::page::{Block, Section, Tile};
@@ -34,7 +39,7 @@ use slices::{Dosed, ISODOSES};
 pub fn page(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<String, Failure> {
     let sections = [
         summary(request, outcome)?,
-        section("setup", "Setup", setup::blocks(request, prepared))?,
+        section("setup", "Setup", setup::blocks(request, &prepared.notes))?,
         doses(request, prepared, outcome)?,
         section("dvh", "Dose-volume histograms", histogram::blocks(request, outcome)?)?,
         limits(request, outcome)?,
@@ -96,24 +101,26 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
     );
     let mut blocks = vec![Block::Tiles(tiles), Block::Text(message)];
     blocks.extend(outcome.caution(request).map(|caution| Block::Warning(format!("Caution: {caution}."))));
-    if outcome.checked.faults.is_empty() {
-        blocks.push(Block::Text("The plan check has passed.".to_owned()));
-    }
-    for fault in &outcome.checked.faults {
-        let end = match &request.accept_check {
-            Some(reason) => format!(" (accepted: {reason})"),
-            None => String::new(),
-        };
-        blocks.push(Block::Warning(format!("Plan check refused{end}: {fault}")));
-    }
+    blocks.extend(checked(&outcome.checked, request.accept_check.as_deref()));
     section("summary", "Summary", blocks)
+}
+
+/// What the check of a plan found.
+fn checked(checked: &Checked, accepted: Option<&str>) -> Vec<Block> {
+    if checked.faults.is_empty() {
+        return vec![Block::Text("The plan check has passed.".to_owned())];
+    }
+    let end = accepted.map_or(String::new(), |reason| format!(" (accepted: {reason})"));
+    let faults = checked.faults.iter();
+    faults.map(|fault| Block::Warning(format!("Plan check refused{end}: {fault}"))).collect()
 }
 
 fn doses(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let (gray, _, _) = shown(outcome);
     let case = &request.setup.case;
     let dosed = Dosed { case, grid: outcome.grid(), gray, prescribed_gy: prepared.prescribed_gy };
-    let mut blocks = vec![Block::Drawing(legend(outcome, prepared.prescribed_gy), String::new())];
+    let mut blocks =
+        vec![Block::Drawing(legend(&outcome.given[0].histograms, prepared.prescribed_gy), String::new())];
     for plane in Plane::ALL {
         blocks.push(slices::stack(&dosed, plane)?);
     }
@@ -126,7 +133,7 @@ fn doses(request: &Request, prepared: &Prepared, outcome: &Outcome<'_>) -> Resul
 }
 
 /// Names of structures and isodoses with their colours.
-fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
+fn legend(histograms: &[(&Structure, Dvh)], prescribed_gy: f64) -> String {
     use std::fmt::Write;
     let (mut x, mut y, mut svg) = (0.0, 14.0, String::new());
     let mut entry = |colour: &str, dashes: &str, name: &str, svg: &mut String| {
@@ -146,7 +153,7 @@ fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
         y
     };
     let mut bottom = 14.0;
-    for (number, (structure, _)) in outcome.given[0].histograms.iter().enumerate() {
+    for (number, (structure, _)) in histograms.iter().enumerate() {
         let colour = slices::on_dark(number).replace("#ffffff", "var(--ink)");
         bottom = entry(&colour, "none", &structure.name, &mut svg);
     }

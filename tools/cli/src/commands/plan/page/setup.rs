@@ -5,11 +5,10 @@ use stillpoint_plan::protocol::Served;
 use stillpoint_plan::recipe::RobustBy;
 use stillpoint_report::page::{Block, Cell, Table};
 
-use super::super::prepared::Prepared;
 use super::super::request::Request;
 
 /// The blocks of the section.
-pub fn blocks(request: &Request, prepared: &Prepared) -> Vec<Block> {
+pub fn blocks(request: &Request, notes: &[String]) -> Vec<Block> {
     let mut blocks = vec![Block::Table(prescription(request)), Block::Table(objectives(request))];
     if !request.setup.served.is_empty() {
         blocks.push(Block::Table(served(request)));
@@ -20,7 +19,7 @@ pub fn blocks(request: &Request, prepared: &Prepared) -> Vec<Block> {
              on that of what is above {times_mean} means of a beam."
         )));
     }
-    blocks.extend(prepared.notes.iter().map(|note| Block::Warning(note.clone())));
+    blocks.extend(notes.iter().map(|note| Block::Warning(note.clone())));
     blocks
 }
 

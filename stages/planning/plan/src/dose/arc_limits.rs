@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::dose::MachineError;
-use crate::dose::in_range;
+use super::machine::{MachineError, in_range};
 
 /// How fast gantry, leaves and dose may be in an arc: the section `arc` of a machine file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +35,12 @@ pub struct Stretch {
     pub travel_mm: f64,
     /// Monitor units.
     pub units: f64,
+}
+
+/// The longest way of a tip from these places to those, mm.
+pub fn farthest_mm(from: &[[f64; 2]], to: &[[f64; 2]]) -> f64 {
+    let both = from.iter().zip(to).flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]);
+    both.fold(0.0, f64::max)
 }
 
 impl ArcLimits {
