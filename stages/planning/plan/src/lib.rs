@@ -13,6 +13,7 @@
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
 //! - [`gamma`]: how far two doses are from each other
 //! - [`leaves`]: the fluence as segments of a multileaf collimator
+//! - [`measured`]: doses measured in a water tank, and the machine that is fitted to them
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`monte_carlo`]: the dose of a machine next to that of a Monte Carlo program
 //! - [`occupancy`]: how much of each voxel a structure takes
@@ -39,6 +40,7 @@ pub mod evaluation;
 pub mod fluence;
 pub mod gamma;
 pub mod leaves;
+pub mod measured;
 pub mod metrics;
 pub mod monte_carlo;
 pub mod objectives;

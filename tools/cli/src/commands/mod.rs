@@ -16,6 +16,7 @@ mod hz;
 mod identify;
 mod info;
 mod log;
+mod machine;
 mod manual;
 mod merge;
 mod new;
@@ -122,6 +123,8 @@ pub enum Command {
     Plan(Box<plan::Plan>),
     /// Compare the dose of a machine with that of a Monte Carlo program.
     Dose(dose::Dose),
+    /// Fit the machine file of a beam to doses measured in a water tank.
+    Machine(machine::Machine),
     /// Compute the dose that the patient of a session got from a plan.
     Delivered(Box<delivered::Delivered>),
     /// Compute calls of plans for other hosts (by stillpoint-bridge).
@@ -176,6 +179,7 @@ impl Command {
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
             Self::Dose(c) => c.execute(),
+            Self::Machine(c) => c.execute(),
             Self::Delivered(c) => c.execute(registry),
             Self::Worker(_) | Self::Pool(_) | Self::Router(_) | Self::Pki(_) => bridge::hand_over(),
             Self::Bench(c) => c.execute(),

@@ -15,6 +15,7 @@ mod first_hour;
 mod identified;
 mod identity;
 mod loops;
+mod machine;
 mod merge;
 mod new;
 #[cfg(feature = "parquet")]

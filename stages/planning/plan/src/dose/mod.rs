@@ -43,7 +43,7 @@ mod name;
 mod outline;
 mod portable;
 mod siddon;
-mod superposition;
+pub(crate) mod superposition;
 
 pub use angles::{BeamAngles, NotAngles};
 pub(crate) use arc_limits::farthest_mm;

@@ -4,6 +4,7 @@
 
 mod beams;
 mod columns;
+mod fitted;
 mod monte_carlo;
 mod optimised;
 mod patients;

@@ -12,6 +12,7 @@
 //! - `fluence`: fluence on the isocentre plane
 //! - `field`: what a beam does to the voxels that it crosses
 //! - `primary`, `scatter`: the dose of each part
+//! - `water`: responses in a water tank, for fits
 //! - `beam`: the dose of a weighted beam; `columns`: the dose of each bixel, filed over `nodes`, with the scatter of a `pencil`
 
 mod beam;
@@ -28,6 +29,7 @@ mod scatter;
 mod section;
 mod stencil;
 mod terma;
+pub(crate) mod water;
 
 pub use section::{PointKernels, Superposition};
 

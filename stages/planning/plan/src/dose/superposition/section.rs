@@ -79,6 +79,11 @@ impl Superposition {
 }
 
 impl PointKernels {
+    /// Distance that the shells reach, mm.
+    pub(super) fn shells_mm(&self) -> f64 {
+        self.shell_mm * self.energy[0][0].len() as f64
+    }
+
     fn check(&self, [of, energy]: [&'static str; 2], depths: usize) -> Result<(), MachineError> {
         rising(of, &self.edges_deg)?;
         size(of, self.edges_deg.len(), 2..=100)?;
