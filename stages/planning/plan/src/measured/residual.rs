@@ -109,7 +109,8 @@ impl Residual {
                 true if point.measured >= inside => bounds.inside,
                 true => bounds.outside,
             };
-            difference(point).abs() > part
+            // NaN is beyond every bound.
+            (difference(point).is_nan() || difference(point).abs() > part)
                 && point.distance_mm.is_none_or(|distance| distance > bounds.distance_mm)
         };
         Self {
