@@ -19,6 +19,7 @@
 //! - `cut`: minimum cut of a graph.
 //! - `head`: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
 //! - [`identity`]: which of the balls is the head.
+//! - [`extrinsic`]: where a camera is over the couch, by balls of known size and place.
 //! - [`table`]: the table of the clusters.
 //! - `face`: the chain of these, from cloud to face.
 //! - `operator`, `segment.face`, the chain as an operator.
@@ -30,6 +31,7 @@ mod cells;
 mod cloud;
 pub mod cluster;
 mod cut;
+pub mod extrinsic;
 mod face;
 mod findings;
 mod forest;

@@ -3,6 +3,7 @@
 mod bench;
 mod bladder;
 pub(crate) mod bridge;
+mod calibrate;
 mod case;
 mod check;
 mod delivered;
@@ -115,6 +116,8 @@ pub enum Command {
     Doctor(doctor::Doctor),
     /// End a run in order, as Ctrl-C does.
     Stop(stop::Stop),
+    /// Place a depth camera over the couch, and check its depth, from recorded images.
+    Calibrate(calibrate::Calibrate),
     /// List the types of samples, or describe one.
     Types(types::Types),
     /// Import, generate and show the patients of plans.
@@ -180,6 +183,7 @@ impl Command {
             Self::Plan(c) => c.execute(),
             Self::Dose(c) => c.execute(),
             Self::Machine(c) => c.execute(),
+            Self::Calibrate(c) => c.execute(),
             Self::Delivered(c) => c.execute(registry),
             Self::Worker(_) | Self::Pool(_) | Self::Router(_) | Self::Pki(_) => bridge::hand_over(),
             Self::Bench(c) => c.execute(),

@@ -6,6 +6,7 @@ mod arc;
 mod bench;
 mod bladder;
 mod browser;
+mod calibrate;
 mod case;
 mod compose;
 mod delivered;

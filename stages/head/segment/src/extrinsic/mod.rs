@@ -1,0 +1,24 @@
+//! Where a camera is over the couch: three or more balls of known size and place are found in its images.
+//!
+//! - `still`: the median of the images of a scene that stands still
+//! - `targets`: balls on the couch, and whether they determine a place
+//! - `balls`: balls of a known radius in a still image
+//! - `place`: which ball is which, and the rigid transform from camera to couch
+//! - `surface`: the bare couch beneath the balls, as a check
+//! - `scale`: a flat plate at two distances: unit of the depth, and how flat it is measured
+
+mod balls;
+mod error;
+mod place;
+mod scale;
+mod still;
+mod surface;
+mod targets;
+
+pub use balls::FoundBall;
+pub use error::ExtrinsicError;
+pub use place::{Limits, Placed, place};
+pub use scale::{DepthScale, depth_scale};
+pub use still::{Still, StillImages};
+pub use surface::SurfaceCheck;
+pub use targets::{Ball, Targets};

@@ -1,0 +1,154 @@
+//! `stillpoint calibrate`: a camera by rendered images of three balls.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde_json::Value;
+use stillpoint_rig::camera::Pinhole;
+use stillpoint_rig::head::Head;
+use stillpoint_rig::render::Renderer;
+use stillpoint_rig::scene::{Form, Label, Object, Scene};
+use stillpoint_rig::shape::Ellipsoid;
+
+use crate::{stillpoint, text};
+
+const BALLS: [[f64; 3]; 3] = [[-110.0, -60.0, 30.0], [120.0, -20.0, 30.0], [-60.0, 150.0, 30.0]];
+const FOCAL: f64 = 300.0;
+const SIZE: [usize; 2] = [320, 240];
+
+/// A depth image in tenths of a millimetre as a PNG.
+fn image(path: &Path, couch_from_camera: &Isometry3<f64>, balls: &[[f64; 3]]) {
+    let [width, height] = SIZE;
+    let (cx, cy) = ((width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0);
+    let pinhole = Pinhole::new(FOCAL, FOCAL, cx, cy, width, height).unwrap();
+    let mut scene = Scene::bare_couch().unwrap();
+    scene.add(balls.iter().map(|[x, y, z]| {
+        let at = Translation3::new(1e-3 * x, 1e-3 * y, 1e-3 * z);
+        let shape = Ellipsoid::new(at.into(), Vector3::repeat(0.03)).unwrap();
+        Object { label: Label::Clutter, form: Form::Ellipsoid(shape) }
+    }));
+    let mut renderer = Renderer::new(pinhole, couch_from_camera, &scene, Head::new(1.0).unwrap()).unwrap();
+    let view = renderer.render(&Isometry3::translation(0.0, 0.0, -50.0)).unwrap();
+    let bytes: Vec<u8> =
+        view.depth_m().iter().flat_map(|depth| ((1e4 * depth).round() as u16).to_be_bytes()).collect();
+    let file = std::fs::File::create(path).unwrap();
+    let mut encoder = png::Encoder::new(file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
+
+/// A camera that looks down at the couch.
+fn camera(from: [f64; 3]) -> Isometry3<f64> {
+    let from = Vector3::from(from);
+    let z = (Vector3::new(0.0, 0.03, 0.0) - from).normalize();
+    let y = z.cross(&Vector3::x()).normalize();
+    let axes = Matrix3::from_columns(&[y.cross(&z), y, z]);
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Isometry3::from_parts(from.into(), turn)
+}
+
+/// Records images of a camera at a place, with a pipeline that has this entry of `frames:`.
+fn recorded(folder: &Path, name: &str, at: &Isometry3<f64>, balls: &[[f64; 3]], frames: &str) -> String {
+    std::fs::create_dir_all(folder.join(name)).unwrap();
+    for number in 0..3 {
+        image(&folder.join(name).join(format!("{number}.png")), at, balls);
+    }
+    let pipeline = format!(
+        "stillpoint: 1\nname: {name}\n{frames}\noperators:\n  cloud:\n    use: ingest.depth\n    every: 100 ms\n    frame: camera\n    \
+         params:\n      files: '{name}/*.png'\n      camera: {{ fx: {FOCAL} px, fy: {FOCAL} px, cx: 159.5 px, cy: 119.5 px, \
+         depth_unit: 0.1 mm }}\n"
+    );
+    let file = format!("{name}.yaml");
+    std::fs::write(folder.join(&file), pipeline).unwrap();
+    let all = ["--set", "record.topics=all"];
+    let run =
+        stillpoint(folder, &[&["run", &file, "--clock", "simulated", "--for", "1s"], &all[..]].concat());
+    assert_eq!(run.status.code(), Some(0), "{}{}", text(&run.stdout), text(&run.stderr));
+    format!("sessions/{name}-0001")
+}
+
+#[test]
+fn a_camera_is_placed_its_entry_is_taken_and_drift_and_a_missing_ball_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let truth = camera([0.05, -0.4, 0.6]);
+    let anywhere = "frames:\n  camera: { parent: couch, at: [0 mm, 0 mm, 0 mm] }";
+    let session = recorded(folder, "first", &truth, &BALLS, anywhere);
+    let balls: Vec<String> = BALLS.iter().map(|[x, y, z]| format!("--ball={x},{y},{z},60")).collect();
+    let calibrate = |session: &str, more: &[&str]| {
+        let mut arguments = vec!["calibrate", "camera", session, "--topic", "cloud.cloud"];
+        arguments.extend(balls.iter().map(String::as_str));
+        arguments.extend(more);
+        stillpoint(folder, &arguments)
+    };
+    let placed = calibrate(&session, &["--date", "2026-11-28"]);
+    let printed = text(&placed.stdout);
+    assert_eq!(placed.status.code(), Some(0), "{printed}{}", text(&placed.stderr));
+    assert!(
+        printed.contains("couch around the balls") && printed.contains("measured: 2026-11-28"),
+        "{printed}"
+    );
+    let entry = &printed[printed.find("frames:").unwrap()..];
+
+    // The entry is one that a pipeline takes, and the check against it passes.
+    let session = recorded(folder, "second", &truth, &BALLS, entry);
+    let same = calibrate(&session, &["--check", "--json"]);
+    let answer: Value = serde_json::from_slice(&same.stdout).unwrap();
+    assert_eq!(same.status.code(), Some(0), "{answer}");
+    assert!(answer["drift_mm"].as_f64().unwrap() < 0.1, "{answer}");
+    let at: Vec<f64> = answer["at_m"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    let off = (Vector3::from_column_slice(&at) - truth.translation.vector).norm();
+    assert!(off < 0.3e-3, "{answer}");
+
+    let other = stillpoint(
+        folder,
+        &["calibrate", "depth", &session, &session, "--topic", "other.cloud", "--moved", "100mm"],
+    );
+    assert!(
+        text(&other.stderr).contains("(depth images and clouds: cloud.cloud)"),
+        "{}",
+        text(&other.stderr)
+    );
+
+    // The camera sinks by 1 mm.
+    let session = recorded(folder, "third", &camera([0.05, -0.4, 0.599]), &BALLS, entry);
+    let drifted = calibrate(&session, &["--check"]);
+    assert_eq!(drifted.status.code(), Some(1), "{}", text(&drifted.stdout));
+    assert!(text(&drifted.stdout).contains("FAIL"));
+
+    let session = recorded(folder, "fourth", &truth, &BALLS[..2], entry);
+    let missing = calibrate(&session, &["--date", "2026-11-28"]);
+    let mut message = String::new();
+    write!(message, "{}", text(&missing.stderr)).unwrap();
+    assert_eq!(missing.status.code(), Some(1), "{message}");
+    assert!(message.contains("2 of 3 balls are found"), "{message}");
+    for wrong in [["--date", "2026-02-30"], ["--residual", "1"]] {
+        assert_eq!(calibrate(&session, &wrong).status.code(), Some(2));
+    }
+}
+
+#[test]
+fn a_plate_that_moves_by_less_than_it_is_said_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let down = |height: f64| camera([0.0, 0.029, height]);
+    let frames = "frames:\n  camera: { parent: couch, at: [0 mm, 0 mm, 0 mm] }";
+    recorded(folder, "near", &down(0.5), &[], frames);
+    recorded(folder, "far", &down(0.6), &[], frames);
+    let check = |moved: &str| {
+        let arguments =
+            ["calibrate", "depth", "sessions/near-0001", "sessions/far-0001", "--topic", "cloud.cloud"];
+        stillpoint(folder, &[&arguments[..], &["--moved", moved]].concat())
+    };
+    let right = check("100mm");
+    assert_eq!(right.status.code(), Some(0), "{}{}", text(&right.stdout), text(&right.stderr));
+    let wrong = check("102mm");
+    assert_eq!(wrong.status.code(), Some(1));
+    assert!(
+        text(&wrong.stdout).contains("FAIL") && text(&wrong.stdout).contains("-1.9"),
+        "{}",
+        text(&wrong.stdout)
+    );
+}
