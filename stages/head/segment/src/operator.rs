@@ -164,6 +164,8 @@ pub struct SegmentFace {
     couch_from_cloud: Option<Isometry3<f64>>,
     /// What the log has of the frame before: the code of its rejection, 0 for a face.
     logged: Option<u32>,
+    /// Whether the last face had more points than are sent.
+    is_thinned: bool,
 }
 
 impl Operator for SegmentFace {
@@ -250,7 +252,7 @@ impl Operator for SegmentFace {
         let couch_from_cloud = placed(setup);
         let chain = chain(&params, couch_from_cloud);
         let segmenter = FaceSegmenter::new(chain).map_err(|e| SetupError(e.to_string()))?;
-        Ok(Self { segmenter, max_points: params.max_points as usize, couch_from_cloud, logged: None })
+        Ok(Self { segmenter, max_points: params.max_points as usize, couch_from_cloud, logged: None, is_thinned: false })
     }
 
     /// A search with other thresholds knows nothing of earlier frames.
@@ -276,7 +278,10 @@ impl Operator for SegmentFace {
             self.segmenter.segment_in_steps(Cloud { points, width }, &mut activation.random(), &mut ended);
         log_change(&mut self.logged, seen.face.as_ref().err());
         let sent = match &seen.face {
-            Ok(face) => send_face(face, cloud.elements, self.max_points, outputs)?,
+            Ok(face) => {
+                log_thinned(&mut self.is_thinned, face.len(), self.max_points);
+                send_face(face, cloud.elements, self.max_points, outputs)?
+            }
             Err(rejection) => {
                 outputs.send::<Rejection>(REJECTION, &rejection.element())?;
                 0
@@ -299,6 +304,16 @@ fn log_change(logged: &mut Option<u32>, rejection: Option<&face::Rejection>) {
         Some(element) => tracing::warn!("no face: {}", element.reason()),
         None if before.is_some() => tracing::info!("a face again"),
         None => tracing::info!("a face"),
+    }
+}
+
+/// Logs that a face begins to have more points than are sent.
+fn log_thinned(logged: &mut bool, found: usize, most: usize) {
+    if !std::mem::replace(logged, found > most) && found > most {
+        tracing::warn!(
+            "a face of {found} points is more than {most}, and some are left out: how much of the head is seen looks less; \
+             raise `max_points`"
+        );
     }
 }
 

@@ -51,6 +51,8 @@ pub struct IngestMerge {
     max_points: usize,
     /// The parts that the log has.
     logged: Vec<Part>,
+    /// Whether the last cloud had more points than are sent.
+    is_thinned: bool,
 }
 
 const fn camera(port: usize, required: bool, about: &'static str) -> Input {
@@ -123,6 +125,7 @@ impl Operator for IngestMerge {
             cameras,
             max_points: params.max_points as usize,
             logged,
+            is_thinned: false,
         })
     }
 
@@ -148,14 +151,21 @@ impl Operator for IngestMerge {
             self.merge.close(time, |k| cameras.get(k).is_some_and(|(_, place)| place.is_valid(time)));
         self.log();
         outputs.acquired_at(origin);
-        self.send(outputs)?;
+        let is_thinned = self.send(outputs)?;
+        if !std::mem::replace(&mut self.is_thinned, is_thinned) && is_thinned {
+            tracing::warn!(
+                "a merged cloud has more than {} points, and some are left out: how much of the head is seen looks less; \
+                 raise `max_points`",
+                self.max_points
+            );
+        }
         outputs.send_slice::<Health>(HEALTH, &(), &self.health(time))
     }
 }
 
 impl IngestMerge {
-    /// Sends the points of the cameras that take part.
-    fn send(&self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    /// Sends the points of the cameras that take part, and says whether some had no room.
+    fn send(&self, outputs: &mut Outputs<'_>) -> Result<bool, StepError> {
         let found: usize = self.merge.points().map(<[_]>::len).sum();
         let count = found.min(self.max_points);
         send_cloud(outputs, CLOUD, count, 1, |slots| {
@@ -168,7 +178,8 @@ impl IngestMerge {
                 }
             }
             Ok(())
-        })
+        })?;
+        Ok(count < found)
     }
 
     fn health(&self, time: u64) -> Vec<SensorHealth> {
