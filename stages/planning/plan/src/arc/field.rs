@@ -359,7 +359,7 @@ mod tests {
         for interval in 0..field.intervals.len() {
             for degrees in [1.0, 3.0] {
                 let mut squares = Vec::new();
-                for z in [-45.0, -35.0, -25.0, -15.0, -5.0, 5.0, 15.0, 25.0, 35.0, 45.0] {
+                for z in [-60.0, -50.0, -40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0] {
                     squares.extend((-8..=8).map(|x| [10.0 * f64::from(x), z]));
                 }
                 let weight = |x: f64| {
