@@ -16,7 +16,7 @@ fn arcs() -> Vec<Beam> {
             gantry_deg: (350.0 + 4.0 * if clockwise { i } else { 5 - i } as f64) % 360.0,
             // Nothing in the second interval.
             given: [0.0, 7.5, 7.5, 20.0, 21.0, 21.25][i],
-            tips_mm: vec![[-30.0 + i as f64, 12.345 - i as f64], [-5.5, -5.5 + 3.0 * i as f64]],
+            tips_mm: vec![[-30.0 + i as f64, 12.25 - i as f64], [-5.5, -5.5 + 3.0 * i as f64]],
         };
         (0..6).map(point).collect()
     };
@@ -49,7 +49,10 @@ fn an_arc_that_was_exported_is_read_back_point_by_point() {
         assert_eq!(beam.points.len(), arc.points.len());
         for (found, point) in beam.points.iter().zip(&arc.points) {
             assert!((found.given - point.given / 21.25).abs() < 1e-9);
-            assert_eq!((found.gantry_deg.rem_euclid(360.0), &found.tips_mm), (point.gantry_deg, &point.tips_mm));
+            assert_eq!(
+                (found.gantry_deg.rem_euclid(360.0), &found.tips_mm),
+                (point.gantry_deg, &point.tips_mm)
+            );
         }
         // It goes on beyond 360 degrees, or below 0.
         let turned = beam.points[5].gantry_deg - beam.points[0].gantry_deg;
@@ -111,9 +114,9 @@ fn pydicom_reads_one_control_point_for_each_angle() {
     let text = String::from_utf8(out.stdout).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines[..2], ["[21.25, 21.25]", "DYNAMIC 6 1.0 600.0"]);
-    assert_eq!(lines[2], "0.0 350.0 CW [-30.0, -5.5, 12.345, -5.5]");
-    assert!(lines[5].contains(" 2.0 CW [-27.0, -5.5, 9.345, 3.5]"), "{}", lines[5]);
-    assert_eq!(lines[7], "1.0 10.0 NONE [-25.0, -5.5, 7.345, 9.5]");
-    assert_eq!(lines[9], "0.0 10.0 CC [-30.0, -5.5, 12.345, -5.5]");
+    assert_eq!(lines[2], "0.0 350.0 CW [-30.0, -5.5, 12.25, -5.5]");
+    assert!(lines[5].contains(" 2.0 CW [-27.0, -5.5, 9.25, 3.5]"), "{}", lines[5]);
+    assert_eq!(lines[7], "1.0 10.0 NONE [-25.0, -5.5, 7.25, 9.5]");
+    assert_eq!(lines[9], "0.0 10.0 CC [-30.0, -5.5, 12.25, -5.5]");
     assert!(lines[14].starts_with("1.0 350.0 NONE"), "{}", lines[14]);
 }

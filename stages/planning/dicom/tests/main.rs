@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod arc;
 mod compressed;
 mod export;
 mod fixture;
