@@ -121,8 +121,11 @@ class Objectives:
         self.modulation = modulation
         self.lines: list[dict[str, Any]] = []
 
-    def want(self, *patterns: str, role: str | None = None, **shapes: Any) -> Objectives:
-        """Adds a line for the structures whose names fit a pattern (`*` for any text), or that have a role.
+    def want(
+        self, *patterns: str, role: str | None = None, cases_with: Sequence[str] | None = None, **shapes: Any
+    ) -> Objectives:
+        """Adds a line for the structures whose names fit a pattern (`*` for any text), or that have a role. With
+        `cases_with` it counts only for cases that have a structure whose name fits one of these patterns.
 
         Each shape is a mapping with its numbers and units, or a list of them. A line without shapes wants nothing.
         """
@@ -131,6 +134,8 @@ class Objectives:
             line["match"] = list(patterns)
         if role is not None:
             line["role"] = role
+        if cases_with is not None:
+            line["with"] = list(cases_with)
         line["wanted"] = [
             {shape: dict(one)}
             for shape, given in shapes.items()

@@ -88,7 +88,7 @@ impl ObjectiveTable {
         };
         let mut taken = vec![false; sampling.grid().len()];
         for (place, structure) in order {
-            let specs = self.find(&structure.name, structure.role);
+            let specs = self.find(case.structures(), &structure.name, structure.role);
             if specs.is_empty() {
                 continue;
             }

@@ -26,6 +26,8 @@ pub(super) struct TableLine {
     patterns: Option<Vec<String>>,
     /// Role; without it every role.
     role: Option<Role>,
+    /// Names: the line counts only for cases with a structure of one of them; without it for every case.
+    with: Option<Vec<String>>,
     #[serde(rename = "wanted")]
     pub specs: Vec<ObjectiveSpec>,
 }
@@ -79,9 +81,10 @@ impl ObjectiveTable {
         self
     }
 
-    /// The objectives of the first line that matches; none if no line does.
-    pub(super) fn find(&self, name: &str, role: Role) -> &[ObjectiveSpec] {
-        self.lines.iter().find(|line| line.fits(name, role)).map_or(&[], |line| &line.specs)
+    /// The objectives of the first line that matches a structure of a case; none if no line does.
+    pub(super) fn find(&self, structures: &[Structure], name: &str, role: Role) -> &[ObjectiveSpec] {
+        let mut lines = self.lines.iter().filter(|line| line.is_for(structures));
+        lines.find(|line| line.fits(name, role)).map_or(&[], |line| &line.specs)
     }
 
     /// Says of each line that does not come with stillpoint and counts for no structure of a case why it does not.
@@ -89,11 +92,15 @@ impl ObjectiveTable {
         let mut warning = Vec::new();
         for (number, line) in self.lines.iter().take(self.own).enumerate() {
             let fitting = || case.structures().iter().filter(|s| line.fits(&s.name, s.role));
-            let is_first = |s: &Structure| !self.lines[..number].iter().any(|l| l.fits(&s.name, s.role));
-            if fitting().any(is_first) {
+            let takes =
+                |l: &&TableLine, s: &Structure| l.is_for(case.structures()) && l.fits(&s.name, s.role);
+            let is_first = |s: &Structure| !self.lines[..number].iter().any(|l| takes(&l, s));
+            let is_for = line.is_for(case.structures());
+            if is_for && fitting().any(is_first) {
                 continue;
             }
             let why = match fitting().next() {
+                _ if !is_for => "no structure of the case is one of its `with`".to_owned(),
                 Some(structure) => format!("a line before it takes {}", structure.name),
                 None => {
                     let names: Vec<&str> = case.structures().iter().map(|s| s.name.as_str()).collect();
@@ -107,6 +114,12 @@ impl ObjectiveTable {
 }
 
 impl TableLine {
+    fn is_for(&self, structures: &[Structure]) -> bool {
+        self.with.as_ref().is_none_or(|with| {
+            structures.iter().any(|s| with.iter().any(|pattern| name_fits(pattern, &s.name)))
+        })
+    }
+
     fn fits(&self, name: &str, role: Role) -> bool {
         self.role.is_none_or(|r| r == role)
             && self.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
@@ -136,12 +149,30 @@ mod tests {
         let table = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
         let spec = |text: &str| -> ObjectiveSpec { serde_json::from_str(text).unwrap() };
         let mean = spec(r#"{"mean_dose": {"dose": "50 %", "weight": 1}}"#);
-        assert_eq!(table.find("Rectum", Role::Organ), [mean]);
-        assert_eq!(table.find("Skip", Role::Organ), []);
-        assert_eq!(table.find("Rectum", Role::Target).len(), 3, "a target by its role");
+        assert_eq!(table.find(&[], "Rectum", Role::Organ), [mean]);
+        assert_eq!(table.find(&[], "Skip", Role::Organ), []);
+        assert_eq!(table.find(&[], "Rectum", Role::Target).len(), 3, "a target by its role");
         let head = spec(r#"{"overdose": {"dose": "25 Gy", "weight": 8}}"#);
-        assert_eq!(table.find("FemoralHeadL", Role::Organ), [head]);
-        assert_eq!(table.find("GTV", Role::ClinicalTarget), []);
+        assert_eq!(table.find(&[], "FemoralHeadL", Role::Organ), [head]);
+        assert_eq!(table.find(&[], "GTV", Role::ClinicalTarget), []);
+    }
+
+    #[test]
+    fn a_line_with_a_condition_counts_for_cases_that_fulfil_it_alone() {
+        let table = ObjectiveTable::shipped().unwrap();
+        let (pelvis, neck) =
+            (stillpoint_patient::case::phantom(0).unwrap(), stillpoint_patient::case::neck(0).unwrap());
+        let of = |case: &Case, name: &str, role| table.find(case.structures(), name, role).to_vec();
+        for (name, role) in [("SpinalCord", Role::Organ), ("PTV60", Role::Target), ("Body", Role::External)] {
+            assert_ne!(of(&pelvis, name, role), of(&neck, name, role), "{name}");
+        }
+        let own = ObjectiveTable::parse(
+            r#"{"objectives": [{"match": ["PTV"], "with": ["Larynx"], "wanted": []}, {"match": ["PTV*"], "wanted": []}]}"#,
+        )
+        .unwrap();
+        let warning = own.unused(&pelvis);
+        assert_eq!(warning.len(), 1);
+        assert!(warning[0].contains("is one of its `with`"), "{warning:?}");
     }
 
     #[test]
