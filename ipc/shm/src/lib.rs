@@ -26,6 +26,6 @@ pub use contract::Contract;
 pub use domain::{Domain, VISITOR, sweep};
 pub use error::{CounterFault, PortKind, PortRefusal, ShmError};
 pub use ports::{Loan, Publisher, Received, Subscriber};
-pub use realtime::{RealTimeError, real_time};
+pub use realtime::{RealTimeError, real_time, real_time_if_allowed};
 pub use topic::Topic;
 pub use wake::{Listener, Notifier, Wake};

@@ -50,7 +50,7 @@ pub fn place(core: Option<usize>, priority: Priority) -> Result<Option<RealTimeE
             stillpoint_shm::real_time(level)?;
             Ok(None)
         }
-        Priority::FifoIfAllowed(level) => Ok(stillpoint_shm::real_time(level).err()),
+        Priority::FifoIfAllowed(level) => Ok(stillpoint_shm::real_time_if_allowed(level).err()),
     }
 }
 

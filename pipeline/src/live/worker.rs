@@ -18,7 +18,7 @@ use super::watch::Watch;
 use super::wire::{TransportOf, transport_of};
 use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
-use crate::graph::Graph;
+use crate::graph::{Graph, Priority};
 use crate::limits::{fail_at_the_limit_of_file_sizes, start_thread};
 use crate::operator::Registry;
 
@@ -113,7 +113,9 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
         .clone();
     let outlives = process.outlives;
     start_thread(move || end_with_supervisor(outlives))?;
-    let refused = place(process.core, process.priority)?;
+    // Lock step waits for no clock.
+    let priority = if hello.directed { Priority::Normal } else { process.priority };
+    let refused = place(process.core, priority)?;
     let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process)?;

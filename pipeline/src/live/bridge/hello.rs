@@ -14,7 +14,7 @@ use stillpoint_transport::Channel;
 use super::ros2::{PublicationDef, Ros2Def, SubscriptionDef};
 use crate::clock::SessionClock;
 use crate::far_end;
-use crate::graph::{Graph, HostNode, HostTls, PoolNode, Priority};
+use crate::graph::{Graph, HostNode, HostTls, PoolNode};
 use crate::live::contracts;
 use crate::run_source::RunSource;
 use crate::session::hex;

@@ -25,6 +25,11 @@ impl Bounds {
         ((duty - self.dead_band) / (1.0 - self.dead_band)).max(0.0)
     }
 
+    /// Seconds in which a shut valve may open far enough to be opened at all.
+    pub fn seconds_to_open(&self) -> f64 {
+        LEAST / self.slew
+    }
+
     /// The duty at which a valve is open so far; it `was` open so far before.
     fn duty(&self, opening: f64, was: f64) -> f64 {
         let least = if was > 0.0 { 0.5 * LEAST } else { LEAST };

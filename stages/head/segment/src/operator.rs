@@ -252,7 +252,13 @@ impl Operator for SegmentFace {
         let couch_from_cloud = placed(setup);
         let chain = chain(&params, couch_from_cloud);
         let segmenter = FaceSegmenter::new(chain).map_err(|e| SetupError(e.to_string()))?;
-        Ok(Self { segmenter, max_points: params.max_points as usize, couch_from_cloud, logged: None, is_thinned: false })
+        Ok(Self {
+            segmenter,
+            max_points: params.max_points as usize,
+            couch_from_cloud,
+            logged: None,
+            is_thinned: false,
+        })
     }
 
     /// A search with other thresholds knows nothing of earlier frames.

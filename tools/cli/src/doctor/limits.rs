@@ -98,7 +98,11 @@ pub fn priority(asked: Priority) -> Finding {
     };
     // The class is of the thread that asks, and ends with it. Locked memory is of this process, which ends soon.
     let tried = std::thread::scope(|scope| {
-        let tries = || stillpoint_shm::real_time(level).map_err(|e| e.to_string());
+        let tries = move || match asked {
+            Priority::FifoIfAllowed(level) => stillpoint_shm::real_time_if_allowed(level),
+            Priority::Fifo(_) | Priority::Normal => stillpoint_shm::real_time(level),
+        };
+        let tries = move || tries().map_err(|e| e.to_string());
         scope.spawn(tries).join().unwrap_or_else(|_| Err("the thread that tried ended".to_owned()))
     });
     let reason = match tried {

@@ -96,8 +96,14 @@ pub struct ActuateValves {
     machine: Machine,
     drive: Drive,
     sender: Sender,
+    /// When the last order was sent, ns, and the least time from it to one that a command causes.
+    sent_at: Option<u64>,
+    apart: u64,
     metrics: [Metric; METRICS],
 }
+
+/// Least time between an order and one that a command causes, ns: a law that floods does not flood the far end.
+const APART: u64 = 2_000_000;
 
 /// Metrics, and those of them that need no far end that answers.
 const METRICS: usize = 11;
@@ -244,6 +250,7 @@ impl Operator for ActuateValves {
             every: setup.every.unwrap_or(params.life / 2),
         };
         let bounds = Bounds { greatest: params.max_duty, slew: params.slew, dead_band: params.dead_band };
+        let apart = APART.max((1e9 * bounds.seconds_to_open()) as u64);
         let drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&params.pressure));
         Ok(Self {
             watch,
@@ -253,6 +260,8 @@ impl Operator for ActuateValves {
             machine: Machine::new(rules),
             drive,
             sender: Sender::new(key, Receiving::Valves, params.safe, params.life),
+            sent_at: None,
+            apart,
             metrics: [
                 "state",
                 "reasons",
@@ -277,9 +286,10 @@ impl Operator for ActuateValves {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let now = activation.time;
         self.watch.take(activation);
-        if self.is_acknowledgement_alone(activation) {
+        if self.is_acknowledgement_alone(activation) || self.is_soon(activation) {
             return Ok(());
         }
+        self.sent_at = Some(now);
         self.drive.pass(now);
         if let Some(sample) = activation.fresh::<RigState>(MEASURED)
             && let Some(rig) = sample.first()
@@ -335,6 +345,12 @@ impl ActuateValves {
             let _ = far.take(view.elements, session, sent, activation.time);
         }
         activation.cause != Cause::Timer && Watch::asked(activation).next().is_none()
+    }
+
+    /// Whether a command alone caused this activation, right after an order: the next tick follows it.
+    fn is_soon(&self, activation: &Activation<'_>) -> bool {
+        let is_right_after = self.sent_at.is_some_and(|at| activation.time.saturating_sub(at) < self.apart);
+        activation.cause != Cause::Timer && is_right_after && Watch::asked(activation).next().is_none()
     }
 
     fn element(&self, now: u64, order: Order, reasons: u32, shaped: Shaped) -> ActuationElement {

@@ -519,3 +519,31 @@ fn two_runs_send_the_same_bytes() {
         assert_eq!(one.bytes(topic), two.bytes(topic), "{topic}");
     }
 }
+
+/// Stamps of all orders, us, where commands come with this period and the valves act on each.
+fn orders_us(every: &str) -> Vec<u64> {
+    let text = text(&Said::default())
+        .replace(
+            "control: { use: test.controller, every: 10 ms",
+            &format!("control: {{ use: test.controller, every: {every}"),
+        )
+        .replace("command: control.duties", "command: { from: control.duties, queue: 2 }");
+    let run = stillpoint_testing::run(&text, &registry(), &files(), 1_000).unwrap();
+    run.samples::<Datagram>("valves.datagram").iter().map(|s| (s.header.stamp - START) / 1_000).collect()
+}
+
+#[test]
+fn an_order_follows_each_command_at_once_and_a_law_that_floods_does_not_flood_the_far_end() {
+    let orders = orders_us("7 ms");
+    for command in (0..=140).map(|k| 7_000 * k) {
+        // A command right after an order waits for the next tick.
+        let at = orders[orders.partition_point(|order| *order < command)];
+        assert!(at == command || (command % 10_000 < 2_000 && at - command < 10_000), "{command}: {at}");
+    }
+    for every in ["100 us", "500 us"] {
+        let orders = orders_us(every);
+        assert!((450..=610).contains(&orders.len()), "{every}: {}", orders.len());
+        let is_apart = |pair: &[u64]| pair[1] - pair[0] >= 2_000 || pair[1] % 10_000 == 0;
+        assert!(orders.windows(2).all(is_apart), "{every}");
+    }
+}
