@@ -124,7 +124,8 @@ fn a_user_without_rights_runs_with_normal_priority_where_the_file_lets_him_and_t
         println!("skipped: the command lies where only root can read");
         return;
     }
-    bench.begin(command).finish().good();
+    let done = bench.begin(command).finish();
+    assert_eq!(done.code(), 0, "{}", done.err);
     let session = std::fs::read_dir(bench.path("s")).unwrap().next().unwrap().unwrap().path();
     let log = std::fs::read_to_string(session.join("log.jsonl")).unwrap();
     assert!(log.contains("seated runs with normal priority"), "{log}");
