@@ -192,7 +192,7 @@ pub struct PlanFileLowDensity {
     pub crossing: usize,
     /// The most that a ray crosses, mm.
     pub longest_mm: f64,
-    /// What a person should know of doses by pencil beams there.
+    /// What a person should know of doses by pencil beams there, or by pencil beams of this machine anywhere.
     #[serde(default)]
     pub caution: Option<String>,
 }

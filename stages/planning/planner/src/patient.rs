@@ -108,7 +108,7 @@ impl Patient {
             return Ok(None);
         }
         let crossed = self.setup.low_density_of(&self.all_beams()).map_err(|e| SetupError(e.to_string()))?;
-        Ok(crossed.caution())
+        Ok(self.setup.caution(&crossed))
     }
 
     fn all_beams(&self) -> Vec<u16> {

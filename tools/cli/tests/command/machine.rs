@@ -35,12 +35,52 @@ fn a_machine_is_fitted_to_scans_and_planned_with_and_a_wrong_curve_is_named() {
     // The file is a machine: the dose check reads it, and its monitor units are those of the reading.
     let file: Value =
         serde_json::from_slice(&std::fs::read(folder.path().join("own.json")).unwrap()).unwrap();
+    assert_eq!(file["pencils_of"], "start");
     let units = file["collimator"]["mu_per_weight"].as_f64().unwrap();
     assert!((units - 125.0).abs() < 1.0, "{units}");
     let check = stillpoint(folder.path(), &["dose", "check", "own.json", "--phantom", "water", "--json"]);
     assert!(matches!(check.status.code(), Some(0 | 1)), "{}", text(&check.stderr));
 
+    // Pencil beams of it are another machine's, and the plan says so.
+    let phantom = stillpoint(folder.path(), &["case", "phantom", "--out", "."]);
+    assert_eq!(phantom.status.code(), Some(0), "{}", text(&phantom.stderr));
+    let case = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+    let case = case.into_iter().find(|path| path.extension().is_some_and(|end| end == "case")).unwrap();
+    let arguments =
+        ["plan", case.to_str().unwrap(), "--machine", "own.json", "--engine", "pencil", "--out", "plan"];
+    let coarse =
+        ["--angles", "0,120", "--fluence-only", "--grid", "15mm", "--bixel", "20mm", "--dose-grid", "5mm"];
+    let plan = stillpoint(folder.path(), &[&arguments[..], &coarse].concat());
+    let printed = text(&plan.stdout);
+    assert_eq!(plan.status.code(), Some(0), "{printed}{}", text(&plan.stderr));
+    assert!(printed.contains("caution: dose by pencil beams of another machine"), "{printed}");
+    for file in ["plan/plan.json", "plan/plan.html"] {
+        let written = std::fs::read_to_string(folder.path().join(file)).unwrap();
+        assert!(written.contains("pencil beams of another machine"), "{file}");
+    }
+
     std::fs::remove_file(folder.path().join("own.json")).unwrap();
+    // An output factor that is 8 % higher, and one in the build-up.
+    for (wrong, expected) in [
+        (readings.replace("0.87", "0.95"), "output factor of 40 x 40 mm (output.csv, line 3)"),
+        (
+            readings.replace("calibration,100,100,900,100", "calibration,100,100,900,15"),
+            "output.csv, line 4: the calibration",
+        ),
+    ] {
+        write("output.csv", &wrong);
+        let refused = fit(&["pdd.mcc", "output.csv"]);
+        let message = text(&refused.stderr);
+        assert!(matches!(refused.status.code(), Some(1 | 2)) && message.contains(expected), "{message}");
+        assert!(!folder.path().join("own.json").exists());
+    }
+    // No energy in the file.
+    write("silent.mcc", &DEPTH_DOSE.replace("ENERGY=6.00", ""));
+    let silent = fit(&["silent.mcc"]);
+    assert_eq!(silent.status.code(), Some(2));
+    assert!(text(&silent.stderr).contains("--energy 6MV"), "{}", text(&silent.stderr));
+    let contradicted = fit(&["pdd.mcc", "--energy", "10MV"]);
+    assert!(text(&contradicted.stderr).contains("10 MV in --energy"), "{}", text(&contradicted.stderr));
     // One value is too high by 10 %.
     write("bad.mcc", &DEPTH_DOSE.replace("1.2856E+00", "1.4142E+00"));
     let bad = fit(&["bad.mcc", "--json"]);

@@ -4,7 +4,7 @@ use super::angles::BeamAngles;
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
-use super::machine::MachineFile;
+use super::machine::{MachineFile, PencilsOf};
 use super::name::EngineName;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
@@ -233,14 +233,21 @@ fn engine_key(engine: &DoseEngine) -> Key {
     part(if is_pencil { METHOD } else { SUPERPOSITION });
     // Debug output of numbers is exact: the shortest text that reads back as the same number.
     // Doses of bixels are those of the open field: they do not depend on the leaves, nor on how fast these are, nor on where the
-    // couch has room.
-    let mut open = MachineFile { collimator: None, free_angles: None, arc: None, ..machine.file().clone() };
+    // couch has room, nor on where kernels come from.
+    let mut open = MachineFile {
+        collimator: None,
+        free_angles: None,
+        arc: None,
+        pencils_of: PencilsOf::Machine,
+        ..machine.file().clone()
+    };
     if is_pencil {
         open.superposition = None;
     }
     let text = format!("{open:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}");
     // Pencil beams keep the names that they had before there was another method.
-    let text = text.replace(", arc: None }", " }").replace(", free_angles: None }", " }");
+    let text = text.replace(", pencils_of: Machine }", " }").replace(", arc: None }", " }");
+    let text = text.replace(", free_angles: None }", " }");
     let text = text.replace(", superposition: None }", " }").replace(", engine: Pencil }", " }");
     part(text.as_bytes());
     // The doses of patients who lie head first and supine keep the names of their files.

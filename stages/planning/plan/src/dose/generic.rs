@@ -16,7 +16,7 @@
 //! weight on all of a 100 mm field gives 1 Gy at the isocentre, 100 mm deep in water with the skin at 900 mm.
 
 use super::collimator::Collimator;
-use super::machine::{COMPONENTS, MachineFile};
+use super::machine::{COMPONENTS, MachineFile, PencilsOf};
 
 const M_PER_MM: f64 = 0.0051;
 const BETAS_PER_MM: [f64; COMPONENTS] = [0.28, 0.04, 0.006];
@@ -67,6 +67,7 @@ impl MachineFile {
             superposition: None,
             free_angles: None,
             arc: None,
+            pencils_of: PencilsOf::Machine,
         }
     }
 }

@@ -52,6 +52,26 @@ pub struct MachineFile {
     /// How fast gantry, leaves and dose may be in an arc; without it, those of [`ArcLimits::generic`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arc: Option<ArcLimits>,
+    /// Of which beam the pencil kernels are: another one than that of the other fields makes doses by pencil beams wrong.
+    #[serde(default, skip_serializing_if = "PencilsOf::is_machine")]
+    pub pencils_of: PencilsOf,
+}
+
+/// The beam that `m_per_mm`, `betas_per_mm` and `kernels_per_mm2` of a machine file belong to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PencilsOf {
+    /// That of the file.
+    #[default]
+    Machine,
+    /// That of the machine from which the other fields were fitted to measured doses.
+    Start,
+}
+
+impl PencilsOf {
+    fn is_machine(&self) -> bool {
+        *self == Self::Machine
+    }
 }
 
 /// A machine that holds together. Only this one computes dose.
@@ -175,6 +195,16 @@ impl Machine {
     /// What the file holds.
     pub fn file(&self) -> &MachineFile {
         &self.0
+    }
+
+    /// What a person should know of doses by pencil beams of this machine; nothing where the kernels are its own.
+    pub fn pencil_caution(&self) -> Option<String> {
+        (self.0.pencils_of == PencilsOf::Start).then(|| {
+            "dose by pencil beams of another machine: spectrum, penumbra, fluence and monitor units of the machine file were \
+             fitted to measured doses, and its pencil kernels are those of the machine from which the fit started; the engine \
+             `superposition` has the fitted beam"
+                .to_owned()
+        })
     }
 
     /// Relative electron density of a Hounsfield unit; the table's ends hold beyond it.
@@ -306,6 +336,7 @@ mod tests {
             superposition: None,
             free_angles: None,
             arc: None,
+            pencils_of: PencilsOf::Machine,
         }
     }
 

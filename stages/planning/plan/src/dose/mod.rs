@@ -57,7 +57,7 @@ pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};
 pub use low_density::{LEAST_LOW_DENSITY_MM, LowDensity};
-pub use machine::{Machine, MachineError, MachineFile};
+pub use machine::{Machine, MachineError, MachineFile, PencilsOf};
 pub use name::{EngineName, UnknownEngine};
 pub use portable::PortableError;
 pub use superposition::{PointKernels, Superposition};

@@ -112,6 +112,14 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// States the nominal energy, MV, for files that do not. A file that is added later must agree.
+    ///
+    /// # Errors
+    /// It is not the energy of a photon beam, or another one than that of a file.
+    pub fn state_energy(&mut self, energy_mv: f64, option: &str) -> Result<(), MeasuredError> {
+        self.set_energy(energy_mv, option, 1)
+    }
+
     /// Adds what another file has.
     ///
     /// # Errors

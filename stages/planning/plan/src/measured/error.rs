@@ -247,6 +247,28 @@ pub enum FitError {
         /// The most, MeV.
         most: f64,
     },
+    /// No file and no option states the energy.
+    #[error(
+        "no file states the energy of the beam: give its nominal energy with --energy, such as --energy 6MV"
+    )]
+    NoEnergy,
+    /// A reading is in the build-up.
+    #[error(
+        "{file}, line {line}: the {what} is {found} mm deep, in the build-up, which is not modelled (at least {least:.1} mm, from \
+         where depth doses count): state it at 100 mm"
+    )]
+    Shallow {
+        /// The file.
+        file: String,
+        /// The line.
+        line: usize,
+        /// What kind of reading it is.
+        what: &'static str,
+        /// Its depth, mm.
+        found: f64,
+        /// The least depth, mm.
+        least: f64,
+    },
     /// Monitor units have no place in the machine file.
     #[error(
         "the calibration cannot be stored: the machine to start from has no `collimator`, which holds the monitor units; add \

@@ -10,7 +10,7 @@ use super::residual::Residual;
 use super::spectrum::{KNOTS, SERVED, Spectra, mean_energy};
 use super::tank::{Beam, Tank, place, places};
 use crate::dose::superposition::water::Response;
-use crate::dose::{DoseError, Machine, Superposition};
+use crate::dose::{DoseError, Machine, PencilsOf, Superposition};
 
 /// A depth dose is fitted from this multiple of the depth of its maximum on: before, electrons of the machine's head count.
 const BEYOND_MAXIMUM: f64 = 1.5;
@@ -28,26 +28,39 @@ const ENERGY_MV: f64 = 0.6;
 const CALIBRATIONS: f64 = 0.02;
 /// The field in which one unit of weight gives 1 Gy: its side and the depth at the isocentre, mm.
 const REFERENCE_MM: f64 = 100.0;
+/// Sides of a field from which on its output factor is judged, mm: in smaller ones detectors differ, too.
+const JUDGED_MM: f64 = 40.0;
 
-/// How far the machine may be from each curve, as a part of its greatest dose. The default is that of Venselaar, Welleweerd
-/// and Mijnheer, Radiother. Oncol. 60 (2001) 191, for simple geometries, but 4 % outside of the field.
+/// How far the machine may be from each curve, as a part of its greatest dose, and from output factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// On the axis.
     pub depth_dose: f64,
+    /// On the axis, as a part of the dose at the same place.
+    pub local: f64,
     /// In profiles, where the dose is at least 80 % of that on the axis.
     pub inside: f64,
     /// In profiles elsewhere.
     pub outside: f64,
     /// In steep places, this distance is allowed, too, mm.
     pub distance_mm: f64,
+    /// Output factors of fields of 40 mm and more, as a part of each.
+    pub output: f64,
     /// Depth from which depth doses are fitted and judged, mm; `None` is 1.5 times the depth of the maximum.
     pub from_mm: Option<f64>,
 }
 
 impl Default for Bounds {
     fn default() -> Self {
-        Self { depth_dose: 0.02, inside: 0.03, outside: 0.04, distance_mm: 2.0, from_mm: None }
+        Self {
+            depth_dose: 0.02,
+            local: 0.03,
+            inside: 0.03,
+            outside: 0.04,
+            distance_mm: 2.0,
+            output: 0.03,
+            from_mm: None,
+        }
     }
 }
 
@@ -60,6 +73,8 @@ pub struct OutputResidual {
     pub computed: f64,
     /// Computed over measured, less 1: scatter of the machine's head is not modelled.
     pub difference: f64,
+    /// Whether the difference is beyond its bound; small fields are not judged.
+    pub is_beyond: bool,
 }
 
 /// The output calibration.
@@ -97,11 +112,17 @@ impl Fitted {
     pub fn missed(&self) -> impl Iterator<Item = &Residual> {
         self.residuals.iter().filter(|residual| residual.beyond_mm.is_some())
     }
+
+    /// Output factors from which the machine is farther than the bound allows.
+    pub fn missed_outputs(&self) -> impl Iterator<Item = &OutputResidual> {
+        self.outputs.iter().filter(|output| output.is_beyond)
+    }
 }
 
 /// Fits spectrum, penumbra, fluence of the open field and output calibration of a machine with point kernels.
 ///
-/// The machine is returned whatever its residuals are: one of which [`Fitted::missed`] names a curve must not be used.
+/// The machine is returned whatever its residuals are: one of which [`Fitted::missed`] names a curve, or
+/// [`Fitted::missed_outputs`] an output factor, must not be used.
 ///
 /// # Errors
 /// The data are too few, contradict the machine or each other, or need another spectrum than the kernels serve.
@@ -111,6 +132,7 @@ pub fn fit(start: &Machine, measured: &Measured, bounds: Bounds) -> Result<Fitte
     let spectra = Spectra::new(section);
     let tank = Tank::new(section, &spectra, start.file().sad_mm);
     let depth_doses = ranges(measured, bounds)?;
+    deep_enough(measured, bounds)?;
     let profiles = centred(measured)?;
 
     let mut penumbra = start.file().penumbra_fwhm_at_iso_mm;
@@ -162,7 +184,7 @@ pub fn fit(start: &Machine, measured: &Measured, bounds: Bounds) -> Result<Fitte
     });
     let residuals: Vec<Residual> = residuals.collect();
     let mean_energy_mev = [&section.photons, &photons].map(|photons| mean_energy(section, photons, 0.0));
-    let outputs = outputs(measured, |reading| at(reading.setup, &beam, reading.depth_mm))?;
+    let outputs = outputs(measured, bounds, |reading| at(reading.setup, &beam, reading.depth_mm))?;
     let mut fitted = spectra.section(photons, &provenance(measured));
     fitted.gray_per_mev_g = format!("{gray_per_mev_g:.6}").parse().unwrap_or(gray_per_mev_g);
     let machine = machine(start, fitted, (penumbra, &correction), calibration, measured)?;
@@ -179,9 +201,8 @@ pub fn fit(start: &Machine, measured: &Measured, bounds: Bounds) -> Result<Fitte
 
 /// Whether data and machine may belong to each other.
 fn check(start: &Machine, measured: &Measured) -> Result<(), FitError> {
-    if let Some((found, _)) = measured.energy_mv
-        && (found - start.file().energy_mv).abs() > ENERGY_MV
-    {
+    let (found, _) = *measured.energy_mv.as_ref().ok_or(FitError::NoEnergy)?;
+    if (found - start.file().energy_mv).abs() > ENERGY_MV {
         return Err(FitError::Energy { found, start: start.file().energy_mv });
     }
     let sad_mm = start.file().sad_mm;
@@ -222,6 +243,24 @@ fn ranges(measured: &Measured, bounds: Bounds) -> Result<Vec<Curve>, FitError> {
         curves.push(fitted);
     }
     if curves.is_empty() { Err(FitError::NoDepthDose) } else { Ok(curves) }
+}
+
+/// Whether all readings are as deep as the deepest of the places from which depth doses count.
+fn deep_enough(measured: &Measured, bounds: Bounds) -> Result<(), FitError> {
+    let depth_doses = measured.curves.iter().filter(|curve| curve.kind == Kind::DepthDose);
+    let least = depth_doses.map(|curve| from_mm(curve, bounds)).fold(0.0, f64::max);
+    let outputs = measured.outputs.iter().map(|reading| ("output factor", reading));
+    let mut readings = outputs.chain(measured.calibrations.iter().map(|reading| ("calibration", reading)));
+    match readings.find(|(_, reading)| reading.depth_mm < least) {
+        Some((what, reading)) => Err(FitError::Shallow {
+            file: reading.file.clone(),
+            line: reading.line,
+            what,
+            found: reading.depth_mm,
+            least,
+        }),
+        None => Ok(()),
+    }
 }
 
 fn shift_mm(curve: &Curve) -> Result<f64, MeasuredFault> {
@@ -312,7 +351,11 @@ fn calibrate(
 }
 
 /// Output factors by the machine.
-fn outputs(measured: &Measured, dose: impl Fn(&Reading) -> f64) -> Result<Vec<OutputResidual>, FitError> {
+fn outputs(
+    measured: &Measured,
+    bounds: Bounds,
+    dose: impl Fn(&Reading) -> f64,
+) -> Result<Vec<OutputResidual>, FitError> {
     let mut residuals = Vec::with_capacity(measured.outputs.len());
     for reading in &measured.outputs {
         let is_reference = |other: &&Reading| {
@@ -327,7 +370,10 @@ fn outputs(measured: &Measured, dose: impl Fn(&Reading) -> f64) -> Result<Vec<Ou
             .ok_or_else(|| FitError::NoReference { file: reading.file.clone(), line: reading.line })?;
         let computed = dose(reading) / dose(reference);
         let difference = computed / (reading.value / reference.value) - 1.0;
-        residuals.push(OutputResidual { reading: reading.clone(), computed, difference });
+        let is_judged = reading.setup.field_mm.iter().all(|side| *side >= JUDGED_MM);
+        // NaN is beyond every bound.
+        let is_beyond = is_judged && (difference.is_nan() || difference.abs() > bounds.output);
+        residuals.push(OutputResidual { reading: reading.clone(), computed, difference, is_beyond });
     }
     Ok(residuals)
 }
@@ -367,5 +413,6 @@ fn machine(
         collimator.mu_per_weight = calibration.mu_per_weight;
     }
     file.superposition = Some(section);
+    file.pencils_of = PencilsOf::Start;
     Ok(Machine::new(file)?)
 }

@@ -44,6 +44,8 @@ pub struct Residual {
     pub rms: f64,
     /// The greatest of them, computed less measured, with its place in mm.
     pub largest: (f64, f64),
+    /// The greatest difference of a depth dose outside of steep places as a part of the dose there, with its place in mm.
+    pub largest_local: Option<(f64, f64)>,
     /// The greatest distance in steep places, with its place, mm.
     pub largest_mm: Option<(f64, f64)>,
     /// The greatest difference that is not judged: in the build-up.
@@ -56,7 +58,7 @@ pub struct Residual {
 
 impl Residual {
     /// Of a curve with these computed doses (in any unit). A difference is within the bounds if it is at most a part of the
-    /// greatest dose, or, in steep places, a distance.
+    /// greatest dose and, on the axis, of the dose there, or, in steep places, a distance.
     pub(super) fn new(
         curve: &Curve,
         computed: &[f64],
@@ -96,10 +98,10 @@ impl Residual {
         let points: Vec<ResidualPoint> = curve.points.iter().enumerate().map(of).collect();
         let judged = || points.iter().filter(|point| point.is_judged);
         let difference = |point: &ResidualPoint| point.computed - point.measured;
-        let greatest_of = |points: &mut dyn Iterator<Item = &ResidualPoint>| {
-            points
-                .map(|point| (difference(point), point.at_mm))
-                .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+        let local = |point: &ResidualPoint| difference(point) / point.measured;
+        let greatest_of = |points: &mut dyn Iterator<Item = &ResidualPoint>,
+                           of: &dyn Fn(&ResidualPoint) -> f64| {
+            points.map(|point| (of(point), point.at_mm)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
         };
         let even = || judged().filter(|point| point.distance_mm.is_none());
         let sum: f64 = even().map(|point| difference(point) * difference(point)).sum();
@@ -110,7 +112,9 @@ impl Residual {
                 true => bounds.outside,
             };
             // NaN is beyond every bound.
-            (difference(point).is_nan() || difference(point).abs() > part)
+            let is_far = difference(point).is_nan() || difference(point).abs() > part;
+            let is_far_for_its_dose = !is_profile && local(point).abs() > bounds.local;
+            (is_far || is_far_for_its_dose)
                 && point.distance_mm.is_none_or(|distance| distance > bounds.distance_mm)
         };
         Self {
@@ -121,11 +125,12 @@ impl Residual {
             shift_mm,
             from_mm,
             rms: libm::sqrt(sum / even().count().max(1) as f64),
-            largest: greatest_of(&mut even()).unwrap_or((0.0, 0.0)),
+            largest: greatest_of(&mut even(), &difference).unwrap_or((0.0, 0.0)),
+            largest_local: if is_profile { None } else { greatest_of(&mut even(), &local) },
             largest_mm: judged()
                 .filter_map(|point| Some((point.distance_mm?, point.at_mm)))
                 .max_by(|a, b| a.0.total_cmp(&b.0)),
-            build_up: greatest_of(&mut points.iter().filter(|point| !point.is_judged)),
+            build_up: greatest_of(&mut points.iter().filter(|point| !point.is_judged), &difference),
             beyond_mm: judged()
                 .filter(beyond)
                 .max_by(|a, b| difference(a).abs().total_cmp(&difference(b).abs()))

@@ -14,7 +14,8 @@ pub const LEAST_SHARE_CROSSING: f64 = 0.05;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlanEngine {
     /// Beams are searched by pencil beams. The fluence of the beams that were found is solved by superposition, and so are all
-    /// figures, where these beams cross lung or air, and on heads and necks.
+    /// figures, where these beams cross lung or air, on heads and necks, and for machines whose pencil kernels are of another
+    /// beam.
     #[default]
     Auto,
     /// Pencil beams for all of it.
@@ -41,7 +42,7 @@ impl PlanEngine {
         match self {
             Self::Auto => {
                 "search by pencil beams; fluence and dose by superposition where the beams that were found cross lung or air, \
-                 and on heads and necks"
+                 on heads and necks, and for machines that were fitted to measured doses"
             }
             Self::Pencil => EngineName::Pencil.about(),
             Self::Superposition => {
@@ -98,9 +99,20 @@ impl PlanSetup {
         if self.spec.engine != PlanEngine::Auto || !has_kernels {
             return Ok(self.engine_name());
         }
-        let needs_superposition =
-            self.case.is_head_or_neck() || self.low_density_at(angles)?.share() >= LEAST_SHARE_CROSSING;
+        let needs_superposition = self.spec.machine.pencil_caution().is_some()
+            || self.case.is_head_or_neck()
+            || self.low_density_at(angles)?.share() >= LEAST_SHARE_CROSSING;
         Ok(if needs_superposition { EngineName::Superposition } else { EngineName::Pencil })
+    }
+
+    /// What a person should know of the method by which the dose of a plan is computed whose bixels cross this lung and air.
+    pub fn caution(&self, low_density: &LowDensity) -> Option<String> {
+        if self.engine_name() != EngineName::Pencil {
+            return None;
+        }
+        let both: Vec<String> =
+            self.spec.machine.pencil_caution().into_iter().chain(low_density.caution()).collect();
+        (!both.is_empty()).then(|| both.join(". "))
     }
 
     /// Lung and air on the rays of all bixels of these beams.

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
-use stillpoint_plan::dose::{ArcLimits, Collimator, DoseParams, FreeRange, Machine, MachineFile};
+use stillpoint_plan::dose::{ArcLimits, Collimator, DoseParams, FreeRange, Machine, MachineFile, PencilsOf};
 
 fn small() -> MachineFile {
     MachineFile {
@@ -25,6 +25,7 @@ fn small() -> MachineFile {
         superposition: None,
         free_angles: Some(vec![FreeRange { couch_deg: [-20.0, 20.0], gantry_deg: [300.0, 60.0] }]),
         arc: Some(ArcLimits::generic()),
+        pencils_of: PencilsOf::Start,
     }
 }
 

@@ -4,9 +4,9 @@ use std::num::NonZeroUsize;
 use std::time::Instant;
 
 use stillpoint_patient::case::{Case, Role, lung, neck, phantom, read};
-use stillpoint_plan::dose::{DoseParams, EngineName, Machine};
+use stillpoint_plan::dose::{DoseParams, EngineName, LowDensity, Machine, PencilsOf};
 use stillpoint_plan::evaluation::{OnGrid, StructureDose};
-use stillpoint_plan::recipe::{PlanEngine, PlanRequest, Planned, SetupSpec, plan};
+use stillpoint_plan::recipe::{PlanEngine, PlanRequest, PlanSetup, Planned, SetupSpec, plan};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 const THREADS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
@@ -20,6 +20,25 @@ fn planned(case: Case, engine: PlanEngine, grid_mm: f64) -> Planned {
 
 fn coarse(engine: PlanEngine) -> SetupSpec {
     SetupSpec { engine, grid_mm: 15.0, bixel_mm: 20.0, ..SetupSpec::shipped().unwrap() }
+}
+
+/// In a pelvis there is neither lung nor air.
+#[test]
+fn a_machine_whose_pencil_kernels_are_of_another_beam_is_planned_by_superposition_or_with_a_caution() {
+    let of = |engine: PlanEngine, pencils_of: PencilsOf| {
+        let mut file = Machine::shipped().unwrap().file().clone();
+        file.pencils_of = pencils_of;
+        // The mark is kept by a file.
+        let machine = Machine::from_json(&file.to_json().unwrap()).unwrap();
+        let setup = PlanSetup::new(phantom(0).unwrap(), SetupSpec { machine, ..coarse(engine) }).unwrap();
+        (setup.engine_of_plan(&[0, 5]).unwrap(), setup.caution(&LowDensity::default()))
+    };
+    assert_eq!(of(PlanEngine::Auto, PencilsOf::Machine), (EngineName::Pencil, None));
+    assert_eq!(of(PlanEngine::Auto, PencilsOf::Start).0, EngineName::Superposition);
+    let (engine, caution) = of(PlanEngine::Pencil, PencilsOf::Start);
+    assert_eq!(engine, EngineName::Pencil);
+    assert!(caution.unwrap().contains("pencil beams of another machine"));
+    assert_eq!(of(PlanEngine::Superposition, PencilsOf::Start), (EngineName::Superposition, None));
 }
 
 fn fluences(planned: &Planned) -> Vec<BeamFluence> {

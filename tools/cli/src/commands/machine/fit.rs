@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
-use stillpoint_plan::measured::{Bounds, Fitted, Measured, Residual, fit, read};
+use stillpoint_plan::measured::{Bounds, Fitted, Measured, OutputResidual, Residual, fit, read};
 
 use super::page;
 use crate::columns::{Columns, Side};
 use crate::commands::plan::machine_of;
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::quantity::quantity;
+use crate::quantity::{quantity, within};
 
 /// Fit spectrum, penumbra, fluence and output calibration to depth doses, profiles and output factors.
 ///
 /// The files are CSV tables, W2CAD or PTW (mcc) scans of a water tank. The spectrum follows from depth doses, penumbra and
 /// fluence of the open field from profiles, monitor units from calibrations. The command prints how far the machine is from
-/// each curve and draws them. It writes no machine file and exits with 1 if a curve is beyond the bounds.
+/// each curve and draws them. It writes no machine file and exits with 1 if a curve or an output factor is beyond the bounds.
 #[derive(Args)]
 pub struct Fit {
     /// Files with measured doses of one energy.
@@ -29,12 +29,18 @@ pub struct Fit {
     /// Machine file to start from, with kernels of about this energy. Default: the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     start: Option<PathBuf>,
+    /// Nominal energy, such as 6MV. Required if no file states it.
+    #[arg(long, value_name = "ENERGY")]
+    energy: Option<String>,
     /// Depth from which depth doses are fitted, such as 30mm. Default: 1.5 times the depth of the maximum of each.
     #[arg(long, value_name = "LENGTH")]
     from: Option<String>,
     /// Largest difference of a depth dose, in percent of its maximum.
     #[arg(long, value_name = "PERCENT", default_value = "2")]
     depth_dose_bound: f64,
+    /// Largest difference of a depth dose, in percent of the dose at the same depth.
+    #[arg(long, value_name = "PERCENT", default_value = "3")]
+    local_bound: f64,
     /// Largest difference of a profile inside of the field, in percent of its maximum.
     #[arg(long, value_name = "PERCENT", default_value = "3")]
     inside_bound: f64,
@@ -44,6 +50,9 @@ pub struct Fit {
     /// Largest distance in steep places.
     #[arg(long, value_name = "LENGTH", default_value = "2mm")]
     distance_bound: String,
+    /// Largest difference of an output factor, in percent of it, in fields of 40 mm and more.
+    #[arg(long, value_name = "PERCENT", default_value = "3")]
+    output_bound: f64,
     /// Output page with the residuals and the curves.
     #[arg(long, value_name = "FILE", default_value = "machine-fit.html")]
     page: PathBuf,
@@ -71,9 +80,11 @@ impl Fit {
         };
         Ok(Bounds {
             depth_dose: part("--depth-dose-bound", self.depth_dose_bound)?,
+            local: part("--local-bound", self.local_bound)?,
             inside: part("--inside-bound", self.inside_bound)?,
             outside: part("--outside-bound", self.outside_bound)?,
             distance_mm: length("--distance-bound", &self.distance_bound, 10.0)?,
+            output: part("--output-bound", self.output_bound)?,
             from_mm: self.from.as_deref().map(|text| length("--from", text, 200.0)).transpose()?,
         })
     }
@@ -82,6 +93,10 @@ impl Fit {
     pub fn execute(&self) -> Ended {
         let start = machine_of(self.start.as_deref())?;
         let mut measured = Measured::default();
+        if let Some(text) = &self.energy {
+            let energy_mv = within("energy", text, "MV", [1.0, 50.0])?;
+            measured.state_energy(energy_mv, "--energy").map_err(Failure::wrong)?;
+        }
         for path in &self.data {
             let bytes =
                 std::fs::read(path).map_err(|e| Failure::wrong(format!("{}: {e}", path.display())))?;
@@ -92,7 +107,8 @@ impl Fit {
         let fitted = fit(&start, &measured, bounds).map_err(Failure::wrong)?;
         write(&self.page, &page::page(&fitted)?, "--page")?;
         let missed: Vec<&Residual> = fitted.missed().collect();
-        if missed.is_empty() {
+        let missed_output = fitted.missed_outputs().next();
+        if missed.is_empty() && missed_output.is_none() {
             let text = fitted.machine.file().to_json().map_err(Failure::failed)?;
             write(&self.out, &text, "--out")?;
         }
@@ -113,6 +129,20 @@ impl Fit {
                 worst.line,
                 worst.beyond_mm.unwrap_or(0.0),
                 self.page.display(),
+            )));
+        }
+        if let Some(output) = missed_output {
+            let OutputResidual { reading, computed, difference, .. } = output;
+            let [x, y] = reading.setup.field_mm;
+            return Err(Failure::failed(format!(
+                "no machine file is written: the output factor of {x} x {y} mm ({}, line {}) is {:.4}, and {computed:.4} computed \
+                 without scatter of the head: {} (allowed: {} %); check its setup and the reading of the 100 mm field, or give \
+                 a wider --output-bound",
+                reading.file,
+                reading.line,
+                reading.value,
+                percent(*difference),
+                self.output_bound,
             )));
         }
         if !self.json {
@@ -142,20 +172,28 @@ pub fn word(residual: &Residual) -> &'static str {
     if residual.beyond_mm.is_none() { "pass" } else { "FAIL" }
 }
 
-/// The cells of a curve: name, rms, largest, distance, build-up.
-pub fn cells(residual: &Residual) -> [String; 5] {
+/// The cells of a curve: name, rms, largest, largest of the dose there, distance, build-up.
+pub fn cells(residual: &Residual) -> [String; 6] {
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
     [
         residual.name.clone(),
         format!("{:.2} %", 100.0 * residual.rms),
         placed(residual.largest),
+        or_none(residual.largest_local.map(placed)),
         or_none(residual.largest_mm.map(|(mm, at)| format!("{mm:.2} mm at {at:.0} mm"))),
         or_none(residual.build_up.map(placed)),
     ]
 }
 
 /// Headings of these cells.
-pub const HEADINGS: [&str; 5] = ["curve", "rms", "largest", "largest, steep places", "build-up, not fitted"];
+pub const HEADINGS: [&str; 6] = [
+    "curve",
+    "rms",
+    "largest",
+    "largest, of the dose there",
+    "largest, steep places",
+    "build-up, not fitted",
+];
 
 /// What was fitted, a sentence each.
 pub fn summary(fitted: &Fitted) -> Vec<String> {
@@ -174,6 +212,10 @@ pub fn summary(fitted: &Fitted) -> Vec<String> {
             "fluence of the open field: of the start, as no profile has a field of 90 mm or more".to_owned()
         }
     });
+    lines.push(
+        "pencil kernels: of the start, so `plan` takes superposition for the dose of plans with this machine"
+            .to_owned(),
+    );
     lines.push(match fitted.calibration {
         Some(calibration) => format!(
             "calibration: {:.2} monitor units for a weight of 1, which gives 1 Gy at the isocentre, 100 mm deep, in an even field \
@@ -202,11 +244,12 @@ fn print(fitted: &Fitted) {
     for output in &fitted.outputs {
         let [x, y] = output.reading.setup.field_mm;
         outln!(
-            "output factor {x} x {y} mm, {} mm deep: measured {:.4}, computed {:.4} without scatter of the head ({})",
+            "output factor {x} x {y} mm, {} mm deep: measured {:.4}, computed {:.4} without scatter of the head ({}){}",
             output.reading.depth_mm,
             output.reading.value,
             output.computed,
-            percent(output.difference)
+            percent(output.difference),
+            if output.is_beyond { ": FAIL" } else { "" }
         );
     }
 }
@@ -221,5 +264,6 @@ fn reported(fitted: &Fitted) -> Value {
         "penumbra_fwhm_at_iso_mm": file.penumbra_fwhm_at_iso_mm,
         "primary_fluence_r_mm_value": file.primary_fluence_r_mm_value,
         "missed": fitted.missed().count(),
+        "missed_outputs": fitted.missed_outputs().count(),
     })
 }

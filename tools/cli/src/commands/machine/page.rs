@@ -30,7 +30,8 @@ pub fn page(fitted: &Fitted) -> Result<String, Failure> {
 
 fn table(fitted: &Fitted) -> Table {
     let columns: Vec<&str> = HEADINGS.into_iter().chain(["file", "result"]).collect();
-    let caption = "Computed less measured, in percent of the greatest dose of each curve";
+    let caption =
+        "Computed less measured, in percent of the greatest dose of each curve, or of the dose there";
     let mut table = Table::new(caption, &columns);
     for residual in &fitted.residuals {
         let [name, numbers @ ..] = cells(residual);
@@ -46,7 +47,8 @@ fn table(fitted: &Fitted) -> Table {
 
 fn outputs(fitted: &Fitted) -> Table {
     let caption = "Output factors: scatter of the machine's head is not modelled";
-    let mut table = Table::new(caption, &["field", "depth, mm", "measured", "computed", "difference"]);
+    let mut table =
+        Table::new(caption, &["field", "depth, mm", "measured", "computed", "difference", "result"]);
     for output in &fitted.outputs {
         let [x, y] = output.reading.setup.field_mm;
         table.rows.push(vec![
@@ -55,6 +57,11 @@ fn outputs(fitted: &Fitted) -> Table {
             Cell::Number(format!("{:.4}", output.reading.value)),
             Cell::Number(format!("{:.4}", output.computed)),
             Cell::Number(percent(output.difference)),
+            if output.is_beyond {
+                Cell::State(Mood::Bad, "FAIL".to_owned())
+            } else {
+                Cell::State(Mood::Good, "pass".to_owned())
+            },
         ]);
     }
     table

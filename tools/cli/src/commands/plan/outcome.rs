@@ -4,7 +4,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::check::Checked;
-use stillpoint_plan::dose::{BeamAngles, EngineName, LowDensity};
+use stillpoint_plan::dose::{BeamAngles, LowDensity};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
@@ -133,10 +133,7 @@ impl<'a> Outcome<'a> {
 
     /// What a person should know of the method by which dose was computed.
     pub fn caution(&self, request: &Request) -> Option<String> {
-        match request.setup.engine_name() {
-            EngineName::Pencil => self.low_density.caution(),
-            EngineName::Superposition => None,
-        }
+        request.setup.caution(&self.low_density)
     }
 
     /// The grid of the dose.
