@@ -104,6 +104,7 @@ fn a_camera_is_placed_to_a_fifth_of_a_millimetre_and_a_twentieth_of_a_degree() {
         assert!(placed.residual() < 0.3e-3 && placed.scale.abs() < 2e-3, "{from:?}: {placed:?}");
         let surface = placed.surface.unwrap();
         assert!(surface.height.abs() < 0.5e-3 && surface.tilt.to_degrees() < 0.1, "{surface:?}");
+        assert!(placed.error.sum() < 0.6e-3 && placed.error.stated == 0.0, "{from:?}: {:?}", placed.error);
         // As `frames:` writes it, it is the same transform.
         let ([x, y, z], [rx, ry, rz]) = placed.at_and_rotation();
         let back =
@@ -135,17 +136,100 @@ fn what_does_not_determine_a_place_is_refused() {
     moved[1][0] += 25.0;
     let moved = fault(&moved, &targets(), 1.0);
     assert!(matches!(moved, ExtrinsicError::Distances { .. }), "{moved}");
+    // And here so that the distances keep their mean.
     let mut moved = BALLS;
-    moved[1][0] += 4.0;
+    moved[2][0] += 5.7;
+    moved[2][1] += 1.7;
     let moved = fault(&moved, &targets(), 1.0);
     assert!(matches!(moved, ExtrinsicError::Residual { .. }), "{moved}");
     // All heights are given 10 mm too high.
     let high = BALLS.map(|[x, y, z, d]| [x, y, z + 10.0, d]);
     let high = fault(&BALLS, &Targets::new(balls(&high)).unwrap(), 1.0);
     assert!(matches!(high, ExtrinsicError::Surface { .. }), "{high}");
+    // One height is given 1.2 mm too high, which leaves no residual at three balls.
+    let mut tilted = BALLS;
+    tilted[2][2] += 1.2;
+    let tilted = fault(&BALLS, &Targets::new(balls(&tilted)).unwrap(), 1.0);
+    assert!(matches!(tilted, ExtrinsicError::Surface { .. }), "{tilted}");
+    // Depths are 0.6 % too large.
+    let scaled = fault(&BALLS, &targets(), 1.006);
+    assert!(matches!(scaled, ExtrinsicError::Scale { off, .. } if (off - 0.6).abs() < 0.1), "{scaled}");
     // Depths are 15 % too large.
     let scaled = fault(&BALLS, &targets(), 1.15);
     assert!(matches!(scaled, ExtrinsicError::Missing { .. } | ExtrinsicError::Distances { .. }), "{scaled}");
+}
+
+#[test]
+fn the_residual_has_what_three_balls_do_not_show() {
+    let truth = camera([0.0, -0.48, 0.62], 0.0);
+    let still = |unit: f64| images(&STRUCTURED, NoiseParams::exact(), &truth, &scene(&BALLS), 1, unit);
+    let placed = |unit: f64, targets: &Targets, limits: Limits| {
+        place(&still(unit), targets, limits).unwrap_or_else(|fault| panic!("{unit}: {fault}"))
+    };
+    // A point of a head as such a camera measures it.
+    let off_at_head = |placed: &Placed, unit: f64| {
+        let head = Point3::new(0.0, 0.0, 0.15);
+        (placed.couch_from_camera * ((truth.inverse() * head) * unit) - head).norm()
+    };
+    let exact = placed(1.0, &targets(), Limits::default());
+    assert!(exact.error.sum() < 0.1e-3, "{:?}", exact.error);
+    // A height that is stated 0.5 mm too high: balls do not show it, the couch does.
+    let mut high = BALLS;
+    high[2][2] += 0.5;
+    let high = Targets::new(balls(&high)).unwrap();
+    let tilted = placed(1.0, &high, Limits::default());
+    let off = off_at_head(&tilted, 1.0);
+    assert!(tilted.error.balls < 0.05e-3 && off > 0.3e-3, "{off} {:?}", tilted.error);
+    assert!(tilted.error.sum() > 0.9 * off && tilted.error.sum() < 3.0 * off, "{off} {:?}", tilted.error);
+    // Without the couch, what stated places allow is in it.
+    let without = placed(1.0, &high, Limits { surface: None, ..Limits::default() });
+    assert!(without.error.stated > off && without.error.stated < 1e-3, "{off} {:?}", without.error);
+    // Depths that are 0.25 % too large.
+    let scaled = placed(1.0025, &targets(), Limits::default());
+    let off = off_at_head(&scaled, 1.0025);
+    assert!(
+        scaled.error.scale > 0.3e-3 && scaled.error.sum() > off && off > 0.2e-3,
+        "{off} {:?}",
+        scaled.error
+    );
+}
+
+#[test]
+fn twelve_balls_are_matched_and_a_missing_one_is_named() {
+    let jitter = [
+        [0, 9],
+        [-12, 3],
+        [7, -8],
+        [14, 5],
+        [-6, 12],
+        [3, -14],
+        [11, 1],
+        [-9, -5],
+        [5, 13],
+        [-14, -2],
+        [8, 6],
+        [1, -11],
+    ];
+    let places: Vec<[f64; 4]> = (0..12)
+        .zip(jitter)
+        .map(|(i, [x, y])| {
+            let (column, row) = (f64::from(i % 4), f64::from(i / 4));
+            [95.0 * column - 140.0 + f64::from(x), 95.0 * row - 90.0 + f64::from(y), 20.0, 40.0]
+        })
+        .collect();
+    let truth = camera([0.0, -0.48, 0.62], 0.0);
+    let still = |of: &[[f64; 4]]| images(&STRUCTURED, NoiseParams::exact(), &truth, &scene(of), 1, 1.0);
+    let targets = Targets::new(balls(&places)).unwrap();
+    let placed =
+        place(&still(&places), &targets, Limits::default()).unwrap_or_else(|fault| panic!("{fault}"));
+    assert!(off(&placed, &truth).0 < 0.1 && placed.balls.len() == 12);
+    let fault = place(&still(&places[..11]), &targets, Limits::default()).unwrap_err();
+    assert!(matches!(fault, ExtrinsicError::Missing { found: 11, expected: 12, .. }), "{fault}");
+    // One of them is 40 mm from its place.
+    let mut moved = places.clone();
+    moved[11][0] += 40.0;
+    let fault = place(&still(&moved), &targets, Limits::default()).unwrap_err();
+    assert!(matches!(fault, ExtrinsicError::Distances { .. }), "{fault}");
 }
 
 #[test]
@@ -181,6 +265,18 @@ fn a_plate_at_two_distances_gives_the_unit_of_the_depth() {
     assert!(right.scale.abs() < 1e-3 && right.rms[0] < 0.3e-3 && right.bowl[1].abs() < 0.1e-3, "{right:?}");
     let wrong = compared(1.02);
     assert!((wrong.scale - 0.02).abs() < 1e-3, "{wrong:?}");
+    // The axis of the camera may be a little off the normal of the plate: its way along the axis counts.
+    let along = |distance: f64, tilt: f64| {
+        let tilt = f64::to_radians(tilt);
+        let from = [distance * libm::sin(tilt), 0.02, 0.03 + distance * libm::cos(tilt)];
+        images(&STRUCTURED, NoiseParams::exact(), &camera(from, 0.0), &couch, 1, 1.0)
+    };
+    let tilted = depth_scale(&along(0.45, 2.8), &along(0.65, 2.8), 0.2).unwrap();
+    assert!(tilted.scale.abs() < 5e-4 && (tilted.tilts[1].to_degrees() - 2.8).abs() < 0.05, "{tilted:?}");
+    let fault = depth_scale(&along(0.45, 6.0), &along(0.65, 6.0), 0.2).unwrap_err();
+    assert!(matches!(fault, ExtrinsicError::Tilted { which: "first", .. }), "{fault}");
+    let fault = depth_scale(&at(0.7, 1.0), &at(0.5, 1.0), 0.2).unwrap_err();
+    assert!(matches!(fault, ExtrinsicError::Exchanged { by_mm } if (by_mm - 200.0).abs() < 1.0), "{fault}");
     // Past the edge of the couch there is no plate.
     let truth = camera([0.0, 0.019, 2.4], 0.0);
     let far = images(&STRUCTURED, NoiseParams::exact(), &truth, &couch, 1, 1.0);

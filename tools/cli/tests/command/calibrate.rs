@@ -51,6 +51,18 @@ fn camera(from: [f64; 3]) -> Isometry3<f64> {
 
 /// Records images of a camera at a place, with a pipeline that has this entry of `frames:`.
 fn recorded(folder: &Path, name: &str, at: &Isometry3<f64>, balls: &[[f64; 3]], frames: &str) -> String {
+    recorded_by(folder, name, at, balls, frames, &["--clock", "simulated"])
+}
+
+/// The same by another clock.
+fn recorded_by(
+    folder: &Path,
+    name: &str,
+    at: &Isometry3<f64>,
+    balls: &[[f64; 3]],
+    frames: &str,
+    clock: &[&str],
+) -> String {
     std::fs::create_dir_all(folder.join(name)).unwrap();
     for number in 0..3 {
         image(&folder.join(name).join(format!("{number}.png")), at, balls);
@@ -63,8 +75,7 @@ fn recorded(folder: &Path, name: &str, at: &Isometry3<f64>, balls: &[[f64; 3]], 
     let file = format!("{name}.yaml");
     std::fs::write(folder.join(&file), pipeline).unwrap();
     let all = ["--set", "record.topics=all"];
-    let run =
-        stillpoint(folder, &[&["run", &file, "--clock", "simulated", "--for", "1s"], &all[..]].concat());
+    let run = stillpoint(folder, &[&["run", &file, "--for", "1s"], clock, &all[..]].concat());
     assert_eq!(run.status.code(), Some(0), "{}{}", text(&run.stdout), text(&run.stderr));
     format!("sessions/{name}-0001")
 }
@@ -83,14 +94,19 @@ fn a_camera_is_placed_its_entry_is_taken_and_drift_and_a_missing_ball_are_found(
         arguments.extend(more);
         stillpoint(folder, &arguments)
     };
-    let placed = calibrate(&session, &["--date", "2026-11-28"]);
+    let placed = calibrate(&session, &["--date", "2024-02-28"]);
     let printed = text(&placed.stdout);
     assert_eq!(placed.status.code(), Some(0), "{printed}{}", text(&placed.stderr));
     assert!(
-        printed.contains("couch around the balls") && printed.contains("measured: 2026-11-28"),
+        printed.contains("couch around the balls") && printed.contains("measured: 2024-02-28"),
         "{printed}"
     );
     let entry = &printed[printed.find("frames:").unwrap()..];
+
+    assert!(printed.contains("tilt at a head"), "{printed}");
+    let without = calibrate(&session, &["--check", "--without-surface", "--json"]);
+    let answer: Value = serde_json::from_slice(&without.stdout).unwrap();
+    assert!(answer["residual_mm"].as_f64().unwrap() > 0.5, "{answer}");
 
     // The entry is one that a pipeline takes, and the check against it passes.
     let session = recorded(folder, "second", &truth, &BALLS, entry);
@@ -119,7 +135,7 @@ fn a_camera_is_placed_its_entry_is_taken_and_drift_and_a_missing_ball_are_found(
     assert!(text(&drifted.stdout).contains("FAIL"));
 
     let session = recorded(folder, "fourth", &truth, &BALLS[..2], entry);
-    let missing = calibrate(&session, &["--date", "2026-11-28"]);
+    let missing = calibrate(&session, &["--date", "2024-02-28"]);
     let mut message = String::new();
     write!(message, "{}", text(&missing.stderr)).unwrap();
     assert_eq!(missing.status.code(), Some(1), "{message}");
@@ -127,6 +143,27 @@ fn a_camera_is_placed_its_entry_is_taken_and_drift_and_a_missing_ball_are_found(
     for wrong in [["--date", "2026-02-30"], ["--residual", "1"]] {
         assert_eq!(calibrate(&session, &wrong).status.code(), Some(2));
     }
+}
+
+#[test]
+fn a_day_after_the_recording_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let frames = "frames:\n  camera: { parent: couch, at: [0 mm, 0 mm, 0 mm] }";
+    let session = recorded_by(folder, "live", &camera([0.05, -0.4, 0.6]), &[], frames, &[]);
+    let balls: Vec<String> = BALLS.iter().map(|[x, y, z]| format!("--ball={x},{y},{z},60")).collect();
+    let calibrate = |date: &str| {
+        let mut arguments = vec!["calibrate", "camera", &session, "--topic", "cloud.cloud", "--date", date];
+        arguments.extend(balls.iter().map(String::as_str));
+        stillpoint(folder, &arguments)
+    };
+    let later = calibrate("9998-12-31");
+    assert_eq!(later.status.code(), Some(2));
+    assert!(text(&later.stderr).contains("recorded before that day"), "{}", text(&later.stderr));
+    // Of a day before it, only the balls are missing.
+    let before = calibrate("2024-02-28");
+    assert_eq!(before.status.code(), Some(1));
+    assert!(text(&before.stderr).contains("0 of 3 balls are found"), "{}", text(&before.stderr));
 }
 
 #[test]
@@ -144,6 +181,7 @@ fn a_plate_that_moves_by_less_than_it_is_said_fails() {
     };
     let right = check("100mm");
     assert_eq!(right.status.code(), Some(0), "{}{}", text(&right.stdout), text(&right.stderr));
+    assert!(text(&right.stdout).contains("tilted by"), "{}", text(&right.stdout));
     let wrong = check("102mm");
     assert_eq!(wrong.status.code(), Some(1));
     assert!(

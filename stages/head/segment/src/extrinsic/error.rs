@@ -94,14 +94,14 @@ pub enum ExtrinsicError {
     },
     /// The balls that are found are not where they are said to be.
     #[error(
-        "the balls are found, but their distances are not those that are given: the nearest match differs by {off_mm:.1} mm \
-         (allowed: {most_mm:.1} mm); check the places, the unit of the depth and the focal lengths"
+        "as many balls are found as are given{}, but there is no match in which all distances are those that are given (allowed: \
+         {most_mm:.1} mm); check the places, the unit of the depth and the focal lengths", describe(.at_mm)
     )]
     Distances {
-        /// Largest difference of a distance of the best match, mm.
-        off_mm: f64,
-        /// The most, mm.
+        /// Largest difference of a distance, mm.
         most_mm: f64,
+        /// Centres of all that was found, in the camera's frame, mm.
+        at_mm: Vec<[f64; 3]>,
     },
     /// Several matches fit.
     #[error(
@@ -116,6 +116,17 @@ pub enum ExtrinsicError {
     Mirrored {
         /// How far, mm.
         below_mm: f64,
+    },
+    /// The distances are all too long or too short.
+    #[error(
+        "the distances between the balls are {off:+.2} % longer than those that are given (allowed: {most:.2} %): check their \
+         places; if these are right, the unit of the depth or the focal lengths are wrong, and `calibrate depth` checks the unit"
+    )]
+    Scale {
+        /// Measured over given distances, less 1, percent.
+        off: f64,
+        /// The most, percent.
+        most: f64,
     },
     /// The residual is too large.
     #[error(
@@ -142,7 +153,7 @@ pub enum ExtrinsicError {
     },
     /// The couch is not where z is 0.
     #[error(
-        "the couch is measured {off_mm:.1} mm from height 0 and turned by {tilt_deg:.2} degrees (allowed: {most_mm:.1} mm, \
+        "the couch is measured {off_mm:.1} mm from height 0 and tilted by {tilt_deg:.2} degrees (allowed: {most_mm:.1} mm, \
          {most_deg:.2} degrees): check the heights of the balls, or leave the check out with --without-surface"
     )]
     Surface {
@@ -164,6 +175,27 @@ pub enum ExtrinsicError {
         which: &'static str,
         /// Percent of the points.
         share: f64,
+    },
+    /// The plate is tilted against the axis of the camera.
+    #[error(
+        "the plate in the {which} images is tilted by {tilt_deg:.1} degrees against the plane across the camera's axis (allowed: \
+         {most_deg} degrees): set it square to the axis, so that the way along its normal is that along the axis"
+    )]
+    Tilted {
+        /// Which images.
+        which: &'static str,
+        /// By how much, degrees.
+        tilt_deg: f64,
+        /// The most, degrees.
+        most_deg: f64,
+    },
+    /// The sessions are exchanged.
+    #[error(
+        "the plate in the second images is {by_mm:.1} mm nearer than in the first: give the session at the smaller distance first"
+    )]
+    Exchanged {
+        /// By how much, mm.
+        by_mm: f64,
     },
     /// The plates are not parallel.
     #[error(

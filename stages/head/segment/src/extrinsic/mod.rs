@@ -4,12 +4,14 @@
 //! - `targets`: balls on the couch, and whether they determine a place
 //! - `balls`: balls of a known radius in a still image
 //! - `place`: which ball is which, and the rigid transform from camera to couch
+//! - `residual`: the error of the place that a pipeline file states
 //! - `surface`: the bare couch beneath the balls, as a check
 //! - `scale`: a flat plate at two distances: unit of the depth, and how flat it is measured
 
 mod balls;
 mod error;
 mod place;
+mod residual;
 mod scale;
 mod still;
 mod surface;
@@ -18,6 +20,7 @@ mod targets;
 pub use balls::FoundBall;
 pub use error::ExtrinsicError;
 pub use place::{Limits, Placed, place};
+pub use residual::Parts;
 pub use scale::{DepthScale, depth_scale};
 pub use still::{Still, StillImages};
 pub use surface::SurfaceCheck;

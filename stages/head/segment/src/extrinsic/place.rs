@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use super::balls::{FoundBall, find};
 use super::error::ExtrinsicError;
+use super::residual::Parts;
 use super::still::Still;
 use super::surface::{SurfaceCheck, check};
 use super::targets::{ALIKE_M, Targets};
@@ -16,13 +17,15 @@ const MATCH_M: f64 = 0.5 * ALIKE_M;
 pub struct Limits {
     /// Largest distance of a ball from its place, m.
     pub residual: f64,
+    /// Largest difference of the distances between balls in the mean, as a part of them, beyond their noise.
+    pub scale: f64,
     /// Largest mean height of the couch beside the balls, m, and its tilt, rad; `None` leaves the couch out.
     pub surface: Option<(f64, f64)>,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { residual: 1e-3, surface: Some((3e-3, 0.5_f64.to_radians())) }
+        Self { residual: 1e-3, scale: 3e-3, surface: Some((3e-3, 0.2_f64.to_radians())) }
     }
 }
 
@@ -39,6 +42,8 @@ pub struct Placed {
     pub scale: f64,
     /// The couch beside the balls.
     pub surface: Option<SurfaceCheck>,
+    /// The error of the place.
+    pub error: Parts,
 }
 
 impl Placed {
@@ -71,6 +76,11 @@ pub fn place(still: &Still, targets: &Targets, limits: Limits) -> Result<Placed,
     let off = |(measured, given): (&Vector3<f64>, &Vector3<f64>)| {
         (couch_from_camera * nalgebra::Point3::from(*measured) - nalgebra::Point3::from(*given)).norm()
     };
+    let (scale, sigma) = scale(&balls, &given);
+    let most = limits.scale + 3.0 * sigma;
+    if scale.abs() > most {
+        return Err(ExtrinsicError::Scale { off: 100.0 * scale, most: 100.0 * most });
+    }
     let residuals: Vec<f64> = measured.iter().zip(&given).map(off).collect();
     for (ball, off) in residuals.iter().enumerate() {
         if *off > limits.residual {
@@ -82,8 +92,9 @@ pub fn place(still: &Still, targets: &Targets, limits: Limits) -> Result<Placed,
         Some(limits) => Some(check(still, &couch_from_camera, targets, limits)?),
         None => None,
     };
-    let scale = scale(&measured, &given);
-    Ok(Placed { couch_from_camera, balls, residuals, scale, surface })
+    let largest = residuals.iter().copied().fold(0.0, f64::max);
+    let error = Parts::of(largest, scale, surface.as_ref(), targets);
+    Ok(Placed { couch_from_camera, balls, residuals, scale, surface, error })
 }
 
 /// The found ball of each target.
@@ -104,14 +115,13 @@ fn matched(still: &Still, targets: &Targets) -> Result<Vec<FoundBall>, Extrinsic
     let mut best = Best::default();
     assign(&candidates, targets, &mut Vec::new(), 0.0, &mut best);
     match best.found {
-        Some((off, balls)) if off <= MATCH_M => {
+        Some((off, balls)) => {
             // Another match that is nearly as good leaves it open.
-            if best.second.is_some_and(|second| second < MATCH_M && second < 3.0 * off + 1e-3) {
+            if best.second.is_some_and(|second| second < 3.0 * off + 1e-3) {
                 return Err(ExtrinsicError::Ambiguous);
             }
             Ok(balls)
         }
-        Some((off, _)) => Err(ExtrinsicError::Distances { off_mm: 1e3 * off, most_mm: 1e3 * MATCH_M }),
         None => {
             let mut centres: Vec<Vector3<f64>> = Vec::new();
             for ball in of_radius.iter().flat_map(|(_, found)| found) {
@@ -120,8 +130,14 @@ fn matched(still: &Still, targets: &Targets) -> Result<Vec<FoundBall>, Extrinsic
                 }
             }
             let at_mm = centres.iter().map(|centre| [0, 1, 2].map(|axis| 1e3 * centre[axis])).collect();
-            let (found, expected) = (centres.len().min(targets.balls().len() - 1), targets.balls().len());
-            Err(ExtrinsicError::Missing { found, expected, at_mm })
+            let expected = targets.balls().len();
+            let lacks = |(radius, found): &(f64, Vec<FoundBall>)| {
+                found.len() < targets.balls().iter().filter(|ball| *radius == 0.5 * ball.diameter).count()
+            };
+            if centres.len() >= expected && !of_radius.iter().any(lacks) {
+                return Err(ExtrinsicError::Distances { most_mm: 1e3 * MATCH_M, at_mm });
+            }
+            Err(ExtrinsicError::Missing { found: centres.len().min(expected - 1), expected, at_mm })
         }
     }
 }
@@ -133,7 +149,8 @@ struct Best {
     second: Option<f64>,
 }
 
-/// Tries all assignments of found balls to targets; `worst` is the largest difference of a distance so far.
+/// Tries the assignments of found balls to targets; `worst` is the largest difference of a distance so far. What differs by
+/// more than a match may is not followed: of many balls, there are too many assignments for that.
 fn assign(
     candidates: &[&Vec<FoundBall>],
     targets: &Targets,
@@ -164,6 +181,9 @@ fn assign(
             ((found.centre - ball.centre).norm() - (given[other].at - given[place].at).norm()).abs()
         };
         let worst = chosen.iter().enumerate().map(off).fold(worst, f64::max);
+        if worst > MATCH_M {
+            continue;
+        }
         chosen.push(*ball);
         assign(candidates, targets, chosen, worst, best);
         chosen.pop();
@@ -186,10 +206,15 @@ fn rigid(from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(b - rotation * a), rotation)
 }
 
-/// Mean of measured over given distances, less 1.
-fn scale(measured: &[Vector3<f64>], given: &[Vector3<f64>]) -> f64 {
+/// Mean of measured over given distances, less 1, with its standard deviation by the noise of the depths, about.
+fn scale(balls: &[FoundBall], given: &[Vector3<f64>]) -> (f64, f64) {
     let sum = |points: &[Vector3<f64>]| -> f64 {
         points.iter().enumerate().flat_map(|(i, a)| points[..i].iter().map(move |b| (a - b).norm())).sum()
     };
-    sum(measured) / sum(given) - 1.0
+    let measured: Vec<Vector3<f64>> = balls.iter().map(|ball| ball.centre).collect();
+    // A centre is about twice as uncertain across the rays as the mean of its depths is.
+    let centre = balls.iter().map(|ball| 2.0 * ball.rms / (ball.points as f64).sqrt()).fold(0.0, f64::max);
+    let pairs = 0.5 * (given.len() * (given.len() - 1)) as f64;
+    let mean = sum(given) / pairs;
+    (sum(&measured) / sum(given) - 1.0, std::f64::consts::SQRT_2 * centre / mean)
 }

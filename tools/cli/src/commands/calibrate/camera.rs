@@ -8,11 +8,13 @@ use serde_json::{Value, json};
 use stillpoint_operator::frames::{Frame, Frames, Rigid};
 use stillpoint_pose::isometry;
 use stillpoint_recorder::Session;
-use stillpoint_segment::extrinsic::{Ball, Limits, Placed, Targets, place};
+use stillpoint_segment::extrinsic::{Ball, Limits, Parts, Placed, Targets, place};
 
 use super::images;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::quantity::{quantity, within};
+
+const DAY_NS: u64 = 86_400_000_000_000;
 
 /// Place a camera over the couch by three balls of known size and place, or check its place.
 ///
@@ -35,7 +37,7 @@ pub struct Camera {
     /// Frame of the camera. Default: that of the topic.
     #[arg(long, value_name = "FRAME")]
     frame: Option<String>,
-    /// Day of the measurement, such as 2026-11-28.
+    /// Day of the measurement, such as 2026-11-28; not after that of the recording.
     #[arg(long, value_name = "DATE", required_unless_present = "check")]
     date: Option<String>,
     /// Compare with the place that the session has.
@@ -50,7 +52,7 @@ pub struct Camera {
     /// Largest distance of a ball from its place.
     #[arg(long, value_name = "LENGTH", default_value = "1mm")]
     residual: String,
-    /// Do not compare the couch around the balls with height 0.
+    /// Do not compare the couch around the balls with height 0. The residual then has 0.5 mm for each stated place.
     #[arg(long)]
     without_surface: bool,
     /// Print JSON.
@@ -68,9 +70,15 @@ impl Camera {
         let balls = self.balls.iter().map(|text| ball(text)).collect::<Result<_, _>>()?;
         let targets = Targets::new(balls).map_err(Failure::wrong)?;
         let images = images::read(&self.session, &self.topic)?;
+        // A simulated session has no day.
+        let clock = images.session.clock().first().filter(|clock| clock.realtime_ns > 0);
+        if let (Some(date), Some(clock)) = (date, clock) {
+            not_later(date, clock.realtime_ns / DAY_NS)?;
+        }
         let still = images.images.still().map_err(Failure::wrong)?;
         let surface = if self.without_surface { None } else { Limits::default().surface };
-        let placed = place(&still, &targets, Limits { residual, surface }).map_err(Failure::failed)?;
+        let limits = Limits { residual, surface, ..Limits::default() };
+        let placed = place(&still, &targets, limits).map_err(Failure::failed)?;
         let frame = self.frame.clone().or(images.frame.clone()).ok_or_else(|| {
             Failure::wrong(format!("{} is in no frame: name that of the camera with --frame", self.topic))
         })?;
@@ -117,10 +125,9 @@ struct Measured {
 }
 
 impl Measured {
-    /// The error that the pipeline file states, mm: the larger one of balls and couch, rounded up.
+    /// The error that the pipeline file states, mm, rounded up.
     fn residual_mm(&self) -> f64 {
-        let surface = self.placed.surface.map_or(0.0, |surface| surface.height.abs());
-        (1e5 * self.placed.residual().max(surface)).ceil() / 100.0
+        (1e5 * self.placed.error.sum()).ceil() / 100.0
     }
 
     fn print(&self, targets: &Targets) {
@@ -147,6 +154,16 @@ impl Measured {
             ),
             None => outln!("couch around the balls: not compared"),
         }
+        let Parts { balls, height, tilt, scale, stated } = self.placed.error;
+        let [balls, height, tilt, scale, stated] = [balls, height, tilt, scale, stated].map(|m| 1e3 * m);
+        let couch = match self.placed.surface {
+            Some(_) => format!("height {height:.2}, tilt at a head {tilt:.2}"),
+            None => format!("stated places of the balls at a head {stated:.2}"),
+        };
+        outln!(
+            "residual: {:.2} mm (balls {balls:.2}, {couch}, scale at a head {scale:.2})",
+            self.residual_mm()
+        );
         outln!("images: {}", self.images);
     }
 
@@ -204,6 +221,13 @@ impl Measured {
             "residual_mm": self.residual_mm(),
             "ball_residuals_mm": self.placed.residuals.iter().map(|off| 1e3 * off).collect::<Vec<_>>(),
             "distance_scale": self.placed.scale,
+            "residual_parts_mm": {
+                "balls": 1e3 * self.placed.error.balls,
+                "height": 1e3 * self.placed.error.height,
+                "tilt": 1e3 * self.placed.error.tilt,
+                "scale": 1e3 * self.placed.error.scale,
+                "stated": 1e3 * self.placed.error.stated,
+            },
             "surface_height_mm": self.placed.surface.map(|surface| 1e3 * surface.height),
             "surface_tilt_deg": self.placed.surface.map(|surface| surface.tilt.to_degrees()),
             "images": self.images,
@@ -239,6 +263,19 @@ fn date(text: &str) -> Result<&str, Failure> {
             Ok(text)
         }
         _ => Err(Failure::wrong(format!("--date {text}: give a day as YYYY-MM-DD, such as 2026-11-28"))),
+    }
+}
+
+/// Refuses a day after that of the recording, a day of UTC from 1970-01-01. Clocks on land are up to 14 hours ahead of it.
+fn not_later(date: &str, recorded: u64) -> Result<(), Failure> {
+    let [year, month, day] = [&date[..4], &date[5..7], &date[8..]].map(|part| part.parse().unwrap_or(0));
+    let before: u32 = (1970..year).map(|year| 337 + days(year, 2)).sum();
+    let in_year: u32 = (1..month).map(|month| days(year, month)).sum();
+    match u64::from(before + in_year + day).saturating_sub(1) > recorded + 1 {
+        true => Err(Failure::wrong(format!(
+            "--date {date}: the session was recorded before that day; give the day on which the balls were measured"
+        ))),
+        false => Ok(()),
     }
 }
 

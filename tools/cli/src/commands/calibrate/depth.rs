@@ -13,7 +13,7 @@ use crate::quantity::within;
 /// Check the unit of the depth by a flat plate at two distances.
 ///
 /// The plate fills the middle half of the image in both sessions. Between them, plate or camera moves along the axis of the
-/// camera by a known way. The command exits with 1 if the measured way differs by more than the bound. A depth camera sees a
+/// camera by a known way, away from each other. The command exits with 1 if the measured way differs by more than the bound. A depth camera sees a
 /// plane as a plane with any focal length; focal lengths show in the distances between balls of `calibrate camera`.
 #[derive(Args)]
 pub struct Depth {
@@ -59,14 +59,16 @@ impl Depth {
                 "distances_mm": found.distances.map(|m| 1e3 * m),
                 "rms_mm": found.rms.map(|m| 1e3 * m),
                 "bowl_mm": found.bowl.map(|m| 1e3 * m),
+                "tilts_deg": found.tilts.map(f64::to_degrees),
                 "turn_deg": found.turn.to_degrees(),
                 "met": is_met,
             }))?;
         } else {
             for (which, i) in [("near", 0), ("far", 1)] {
                 outln!(
-                    "{which}: {:.2} mm away, {:.2} mm rms from a plane, edge less centre {:+.2} mm",
+                    "{which}: {:.2} mm away along the axis, tilted by {:.2} degrees, {:.2} mm rms from a plane, edge less centre {:+.2} mm",
                     1e3 * found.distances[i],
+                    found.tilts[i].to_degrees(),
                     1e3 * found.rms[i],
                     1e3 * found.bowl[i]
                 );

@@ -14,12 +14,12 @@ fn largest(ours: &Scan, theirs: &Scan, from_mm: f64) -> f64 {
     judged().map(|((_, a), (_, b))| (a * scale - b).abs() / greatest).fold(0.0, f64::max)
 }
 
-/// What a table of a beam of 6 MV has.
+/// What a table of a beam of 5.9 MV has.
 fn measured(text: &str) -> Measured {
     let mut measured = Measured::default();
     measured.add(read("curves.csv", text.as_bytes()).unwrap()).unwrap();
     if measured.energy_mv.is_none() {
-        measured.state_energy(6.0, "--energy").unwrap();
+        measured.state_energy(5.9, "--energy").unwrap();
     }
     measured
 }
@@ -97,6 +97,7 @@ fn penumbra_fluence_and_calibration_are_recovered() {
         fitted.residuals.iter().map(|r| r.largest).collect::<Vec<_>>()
     );
     let file = fitted.machine.file();
+    assert_eq!(file.energy_mv, 5.9);
     // Voxels of 3 mm widen the edge: their doses are means, and so is the TERMA that they gather.
     assert!((8.0..9.0).contains(&file.penumbra_fwhm_at_iso_mm), "{}", file.penumbra_fwhm_at_iso_mm);
     for radius in [0.0, 20.0, 40.0] {
