@@ -73,7 +73,9 @@ pub struct OutputResidual {
     pub computed: f64,
     /// Computed over measured, less 1: scatter of the machine's head is not modelled.
     pub difference: f64,
-    /// Whether the difference is beyond its bound; small fields are not judged.
+    /// Whether the difference is judged: in small fields it is not.
+    pub is_judged: bool,
+    /// Whether it is judged and beyond its bound.
     pub is_beyond: bool,
 }
 
@@ -373,7 +375,13 @@ fn outputs(
         let is_judged = reading.setup.field_mm.iter().all(|side| *side >= JUDGED_MM);
         // NaN is beyond every bound.
         let is_beyond = is_judged && (difference.is_nan() || difference.abs() > bounds.output);
-        residuals.push(OutputResidual { reading: reading.clone(), computed, difference, is_beyond });
+        residuals.push(OutputResidual {
+            reading: reading.clone(),
+            computed,
+            difference,
+            is_judged,
+            is_beyond,
+        });
     }
     Ok(residuals)
 }

@@ -57,10 +57,10 @@ fn outputs(fitted: &Fitted) -> Table {
             Cell::Number(format!("{:.4}", output.reading.value)),
             Cell::Number(format!("{:.4}", output.computed)),
             Cell::Number(percent(output.difference)),
-            if output.is_beyond {
-                Cell::State(Mood::Bad, "FAIL".to_owned())
-            } else {
-                Cell::State(Mood::Good, "pass".to_owned())
+            match (output.is_judged, output.is_beyond) {
+                (false, _) => Cell::Text("not judged".to_owned()),
+                (true, false) => Cell::State(Mood::Good, "pass".to_owned()),
+                (true, true) => Cell::State(Mood::Bad, "FAIL".to_owned()),
             },
         ]);
     }
