@@ -65,17 +65,45 @@ impl ArcLimits {
         by_gantry.max(by_leaves).max(by_dose)
     }
 
-    /// Fewest and most monitor units that can be given while the gantry turns by so much: the fewest at its fastest, the most at its slowest.
+    /// Fewest and most monitor units that can be given while the gantry turns by so much: the fewest at its fastest, or while a
+    /// leaf goes its longest way, if that takes more time; the most at its slowest.
     pub fn units(&self, degrees: f64) -> [f64; 2] {
+        let quickest = Stretch { degrees, travel_mm: self.travel_mm(degrees), units: 0.0 };
         [
-            self.least_mu_per_min / 60.0 * degrees / self.gantry_deg_per_s,
+            self.least_mu_per_min / 60.0 * self.seconds(&quickest),
             self.mu_per_min / 60.0 * degrees / self.least_gantry_deg_per_s,
         ]
     }
 
-    /// Longest way of a tip while the gantry turns by so much, in whole micrometres, mm.
+    /// Longest way of a tip while the gantry turns by so much, in whole micrometres, mm. It is no longer than what a leaf does
+    /// while the gantry turns at its slowest.
     pub fn travel_mm(&self, degrees: f64) -> f64 {
-        libm::floor(1e3 * self.leaf_mm_per_deg * degrees + 1e-6) / 1e3
+        let at_slowest = self.leaf_mm_per_s / self.least_gantry_deg_per_s;
+        libm::floor(1e3 * self.leaf_mm_per_deg.min(at_slowest) * degrees + 1e-6) / 1e3
+    }
+
+    /// Least distance between the tips of a pair in whole micrometres, mm.
+    pub fn whole_gap_mm(&self) -> f64 {
+        libm::ceil(1e3 * self.least_gap_mm - 1e-6) / 1e3
+    }
+
+    /// The first limit that a stretch does not keep, in words.
+    pub fn fault(&self, stretch: &Stretch) -> Option<String> {
+        let Stretch { degrees, travel_mm, units } = *stretch;
+        let seconds = self.seconds(stretch);
+        let most_mm = self.leaf_mm_per_deg * degrees;
+        let [turn, rate] = [degrees / seconds, 60.0 * units / seconds];
+        let is_less = |a: f64, b: f64| a < b * (1.0 - 1e-6);
+        if travel_mm > most_mm + 1e-6 {
+            Some(format!("a leaf travels {travel_mm} mm in {degrees} degrees (allowed: {most_mm} mm)"))
+        } else if is_less(turn, self.least_gantry_deg_per_s) {
+            let least = self.least_gantry_deg_per_s;
+            Some(format!("the gantry turns by {turn} degrees a second (at least: {least})"))
+        } else if is_less(rate, self.least_mu_per_min) {
+            Some(format!("{rate} monitor units a minute (at least: {})", self.least_mu_per_min))
+        } else {
+            None
+        }
     }
 
     /// Refuses numbers of no machine.
@@ -115,6 +143,26 @@ mod tests {
         assert!((seconds(4.0, 20.0, 12.0) - 1.2).abs() < 1e-12);
         assert_eq!((limits.units(4.0), limits.travel_mm(4.0)), ([0.0, 80.0], 20.0));
         assert_eq!(limits.travel_mm(3.977_777_777), 19.888);
+    }
+
+    #[test]
+    fn the_longest_way_of_a_leaf_slows_neither_the_gantry_nor_the_dose_below_their_least() {
+        let limits = ArcLimits { least_mu_per_min: 30.0, ..ArcLimits::generic() };
+        // The leaves take 0.8 s, the gantry 0.67 s.
+        let units = limits.units(4.0)[0];
+        assert!((units - 0.4).abs() < 1e-12);
+        let slow = ArcLimits { leaf_mm_per_s: 2.0, ..limits };
+        assert_eq!(slow.travel_mm(4.0), 16.0);
+        for limits in [limits, slow] {
+            let [units, travel_mm] = [limits.units(4.0)[0], limits.travel_mm(4.0)];
+            let fault = |travel_mm, units| limits.fault(&Stretch { degrees: 4.0, travel_mm, units });
+            assert_eq!(fault(travel_mm, units), None, "{limits:?}");
+            assert!(fault(travel_mm + 1e-3, 10.0 * units).is_some());
+            assert!(fault(travel_mm, 0.99 * units).unwrap().contains("monitor units a minute"));
+        }
+        let late = Stretch { degrees: 4.0, travel_mm: 17.0, units: 80.0 };
+        assert!(slow.fault(&late).unwrap().contains("the gantry turns by"));
+        assert_eq!(ArcLimits { least_gap_mm: 0.5001, ..limits }.whole_gap_mm(), 0.501);
     }
 
     #[test]
