@@ -4,11 +4,12 @@
 
 use std::num::NonZeroUsize;
 
-use stillpoint_patient::case::phantom;
+use stillpoint_patient::case::{neck, phantom};
 use stillpoint_plan::arc::{
-    ArcField, ArcLimits, ArcOptions, ArcSpec, Bounds, Optimised, Tip, Trajectory, add_move, optimise, slope,
+    ArcBeam, ArcError, ArcField, ArcLimits, ArcOptions, ArcSpec, Bounds, Optimised, Tip, Trajectory,
+    add_move, optimise, slope,
 };
-use stillpoint_plan::dose::{Collimator, EngineName};
+use stillpoint_plan::dose::{BixelSpec, Collimator, EngineName};
 use stillpoint_plan::fluence::DoseChange;
 use stillpoint_plan::recipe::{ArcProgress, PlanSetup, PointScheme, SetupSpec};
 
@@ -33,7 +34,7 @@ fn field(setup: &PlanSetup, arcs: &str, number: usize) -> ArcField {
 }
 
 fn bounds(field: &ArcField, limits: ArcLimits) -> Bounds {
-    Bounds::new(field, &limits, &Collimator::generic(), 100.0 / 39.0)
+    Bounds::new(field, &limits, &Collimator::generic(), 100.0 / 39.0).unwrap()
 }
 
 fn optimised(setup: &PlanSetup, field: &ArcField, limits: ArcLimits, number: usize) -> Optimised {
@@ -137,6 +138,8 @@ fn limits_hold_in_the_decimals_of_a_file() {
     let field = field(&setup, "350..43.7cw", 2);
     let limits = ArcLimits {
         leaf_mm_per_deg: 2.0,
+        // Leaves may need more time than the gantry.
+        leaf_mm_per_s: 9.0,
         least_gap_mm: 3.0,
         least_gantry_deg_per_s: 2.0,
         least_mu_per_min: 30.0,
@@ -160,12 +163,25 @@ fn limits_hold_in_the_decimals_of_a_file() {
         assert!(stretch.travel_mm <= 2.0 * stretch.degrees + 1e-6);
         let seconds = limits.seconds(&stretch);
         assert!(stretch.degrees / seconds >= 2.0 - 1e-6, "{stretch:?}");
-        assert!(60.0 * stretch.units / seconds <= 600.0 + 1e-6 && stretch.travel_mm / seconds <= 25.0 + 1e-6);
-        let slowest = stretch.degrees / 6.0;
-        assert!(stretch.units >= 0.5 * slowest * (1.0 - 1e-6), "{stretch:?}");
+        assert!(60.0 * stretch.units / seconds <= 600.0 + 1e-6 && stretch.travel_mm / seconds <= 9.0 + 1e-6);
+        assert!(60.0 * stretch.units / seconds >= 30.0 * (1.0 - 1e-6), "{stretch:?}");
     }
     let gaps = read.tips_mm.iter().flatten().map(|[low, high]| high - low);
     assert!(gaps.fold(f64::INFINITY, f64::min) >= 3.0 - 1e-6);
+    // Of all pairs, those too that have no part in the arc.
+    let arcs = ArcSpec::list("350..43.7cw").unwrap();
+    let collimator = Collimator::generic();
+    let gap_mm = limits.whole_gap_mm();
+    let beams = ArcBeam::all(&field, &read, &collimator, &arcs, mu_per_weight, gap_mm);
+    assert_eq!(beams[0].fault(&limits, &collimator), None);
+    let pairs = beams[0].points.iter().flat_map(|point| &point.tips_mm);
+    assert_eq!(pairs.clone().count(), 80 * field.points.len());
+    assert!(pairs.clone().all(|[low, high]| high - low >= 3.0 - 1e-6));
+    // Behind the jaw, they open nothing.
+    let parked = beams[0].points[0].tips_mm[0];
+    assert!(parked[1] <= beams[0].field_mm[0][0], "{parked:?}");
+    let slow = ArcLimits { leaf_mm_per_deg: 0.1, ..limits };
+    assert!(beams[0].fault(&slow, &collimator).unwrap().contains("a leaf travels"));
     // The limits cost something: without them the objective is lower.
     let free = optimised(&setup, &field, ArcLimits::generic(), 2);
     assert!(free.objective < found.objective, "{} {}", free.objective, found.objective);
@@ -178,5 +194,92 @@ fn any_number_of_threads_gives_the_same_bytes_and_so_does_a_second_run() {
     let alone = made(1);
     for number in [1, 2, 4] {
         assert_eq!(made(number), alone, "{number} threads");
+    }
+}
+
+/// A neck, whose edge is near the target from every side.
+fn neck_setup(inside_mm: f64) -> PlanSetup {
+    let spec = SetupSpec {
+        grid_mm: 12.0,
+        bixel_mm: 10.0,
+        points: PointScheme::Thinned,
+        inside_mm,
+        ..SetupSpec::shipped().unwrap()
+    };
+    PlanSetup::new(neck(0).unwrap(), spec).unwrap()
+}
+
+#[test]
+fn leaves_open_nothing_that_is_not_lit_at_the_angle() {
+    const INSIDE_MM: f64 = 8.0;
+    let setup = neck_setup(INSIDE_MM);
+    let arcs = "20..116cw";
+    let field = field(&setup, arcs, 2);
+    let options = ArcOptions { rounds: 2, ..ArcOptions::default() };
+    let bounds = bounds(&field, ArcLimits::generic());
+    let found = optimise(&field, &setup.goals, &bounds, options, threads(2), |_, _| ()).unwrap();
+    let engine = setup.engine();
+    let fine = engine.with_bixels(BixelSpec { width_mm: field.width_mm, ..engine.params().bixels });
+    let half = 0.5 * field.width_mm;
+    let (mut opened, mut narrower) = (0, 0);
+    for (number, interval) in field.intervals.iter().enumerate() {
+        for (part, doses) in interval.doses.iter().enumerate() {
+            let lit = fine.bixels_mm(field.doses[*doses].gantry_deg).unwrap();
+            for (row, leaves) in field.rows.iter().enumerate() {
+                let [low, high] = found.trajectory.tips_at(interval, part, row);
+                let cells = lit.iter().filter(|[_, z]| leaves.is_over(*z, field.width_mm));
+                let from = cells.clone().map(|[x, _]| x - half).fold(f64::INFINITY, f64::min);
+                let to = cells.map(|[x, _]| x + half).fold(f64::NEG_INFINITY, f64::max);
+                let ends = field.ends_mm(row);
+                narrower += usize::from(from > ends[0] + 1e-6 || to < ends[1] - 1e-6);
+                if high - low > 1e-6 {
+                    opened += 1;
+                    assert!(
+                        low >= from - 1e-6 && high <= to + 1e-6,
+                        "interval {number}, row {row}: {low} to {high} mm, lit {from} to {to} mm"
+                    );
+                }
+            }
+        }
+    }
+    // There are such angles.
+    assert!(opened > 100 && narrower > 100, "{opened} {narrower}");
+}
+
+#[test]
+fn what_leaves_do_not_reach_across_the_axis_is_refused() {
+    let setup = setup(0);
+    let field = field(&setup, "60..84cw", 2);
+    let short = Collimator { reach_mm: 30.0, over_travel_mm: 10.0, ..Collimator::generic() };
+    let error = Bounds::new(&field, &ArcLimits::generic(), &short, 1.0).unwrap_err();
+    assert!(matches!(error, ArcError::Aside { .. }) && error.to_string().contains("withdrawn to 30 mm"));
+}
+
+/// Leaves so slow that apertures of one pricing restrict each other, and windows move faster than they.
+#[test]
+fn slow_leaves_give_an_arc_that_keeps_its_limits() {
+    let setup = neck_setup(0.0);
+    let field = field(&setup, "20..180cw", 2);
+    let limits = ArcLimits { leaf_mm_per_deg: 0.2, least_gap_mm: 1.0, ..ArcLimits::generic() };
+    let bounds = bounds(&field, limits);
+    let options = ArcOptions { rounds: 1, ..ArcOptions::default() };
+    let found = optimise(&field, &setup.goals, &bounds, options, threads(2), |_, _| ()).unwrap();
+    assert_eq!(found.trajectory.fault(&field, &bounds), None);
+}
+
+/// Bixels whose edges are no whole micrometres.
+#[test]
+fn odd_bixels_give_an_arc_that_keeps_its_limits() {
+    for bixel_mm in [6.25, 10.0 / 3.0] {
+        let spec = SetupSpec {
+            grid_mm: 16.0,
+            bixel_mm,
+            points: PointScheme::Thinned,
+            ..SetupSpec::shipped().unwrap()
+        };
+        let setup = PlanSetup::new(phantom(0).unwrap(), spec).unwrap();
+        let field = field(&setup, "84..92cw", 2);
+        let found = optimised(&setup, &field, ArcLimits::generic(), 2);
+        assert!(found.objective < found.objectives[0]);
     }
 }

@@ -3,6 +3,7 @@
 use super::field::{ArcField, LeafRow};
 use super::spec::ArcSpec;
 use super::trajectory::Trajectory;
+use super::window::nearest;
 use crate::dose::{ArcLimits, BeamAngles, Collimator, Stretch, farthest_mm};
 use crate::leaves::{LeafBeam, Segment};
 use crate::recompute::BeamFluence;
@@ -33,18 +34,21 @@ pub struct ArcPoint {
 }
 
 impl ArcBeam {
-    /// The arcs of a trajectory, with the jaws around all that each opens; an arc that opens nothing is left out.
+    /// The arcs of a trajectory, with the jaws around all that each opens; an arc that opens nothing is left out. Pairs that have
+    /// no part in it stand this gap apart behind the lower jaw.
     pub fn all(
         field: &ArcField,
         trajectory: &Trajectory,
         collimator: &Collimator,
         arcs: &[ArcSpec],
         mu_per_weight: f64,
+        gap_mm: f64,
     ) -> Vec<Self> {
         let of = |(arc, spec): (usize, &ArcSpec)| {
             let points: Vec<usize> =
                 (0..field.points.len()).filter(|at| field.points[*at].arc == arc).collect();
             let field_mm = jaws(field, trajectory, &points)?;
+            let parked = parked(collimator, field_mm[0][0], gap_mm);
             let mut units = 0.0;
             let mut all = Vec::with_capacity(points.len());
             for point in points {
@@ -54,12 +58,19 @@ impl ArcBeam {
                 all.push(ArcPoint {
                     gantry_deg: field.points[point].gantry_deg,
                     units,
-                    tips_mm: all_pairs(&field.rows, &trajectory.tips_mm[point], collimator, field_mm[0][0]),
+                    tips_mm: all_pairs(&field.rows, &trajectory.tips_mm[point], collimator, parked),
                 });
             }
             Some(Self { spec: *spec, field_mm, points: all })
         };
         arcs.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// The same with the monitor units of another one, control point by control point.
+    #[must_use]
+    pub fn with_units(mut self, other: &Self) -> Self {
+        self.points.iter_mut().zip(&other.points).for_each(|(point, of)| point.units = of.units);
+        self
     }
 
     /// Monitor units of one fraction.
@@ -80,6 +91,29 @@ impl ArcBeam {
     /// Seconds from the first control point to the last.
     pub fn seconds(&self, limits: &ArcLimits) -> f64 {
         self.stretches().iter().map(|stretch| limits.seconds(stretch)).sum()
+    }
+
+    /// The first limit of a machine that does not hold for all pairs to a nanometre, in words.
+    pub fn fault(&self, limits: &ArcLimits, collimator: &Collimator) -> Option<String> {
+        const LEAST: f64 = 1e-6;
+        let (reach, over) = (collimator.reach_mm + LEAST, collimator.over_travel_mm + LEAST);
+        for (number, point) in self.points.iter().enumerate() {
+            for (pair, [low, high]) in point.tips_mm.iter().enumerate() {
+                let is_within = (-reach..=over).contains(low) && (-over..=reach).contains(high);
+                if !is_within || high - low < limits.least_gap_mm - LEAST {
+                    return Some(format!(
+                        "arc {}, control point {number}, pair {pair}: tips at {low} and {high} mm",
+                        self.spec
+                    ));
+                }
+            }
+        }
+        for (number, stretch) in self.stretches().iter().enumerate() {
+            if let Some(fault) = limits.fault(stretch) {
+                return Some(format!("arc {}, after control point {number}: {fault}", self.spec));
+            }
+        }
+        None
     }
 
     /// The fluence between two control points for a weight of 1: as so many static beams, each at the middle of its part of the
@@ -180,10 +214,21 @@ fn jaws(field: &ArcField, trajectory: &Trajectory, points: &[usize]) -> Option<[
     edges
 }
 
-/// Tips of all pairs: those of a row for its pairs. Other pairs are closed at the lower jaw, as far as their travel allows.
-fn all_pairs(rows: &[LeafRow], tips: &[[f64; 2]], collimator: &Collimator, closed_mm: f64) -> Vec<[f64; 2]> {
-    let over = collimator.over_travel_mm;
-    let mut all = vec![[closed_mm.clamp(-over, over); 2]; collimator.pairs()];
+/// Where pairs without a part stand: the gap ends at the lower jaw, as far as the travel of both banks allows.
+fn parked(collimator: &Collimator, jaw_mm: f64, gap_mm: f64) -> [f64; 2] {
+    let (reach, over) = (collimator.reach_mm, collimator.over_travel_mm);
+    let high = jaw_mm.min(reach).min(over + gap_mm).max(-over).max(gap_mm - reach);
+    [high - gap_mm, high].map(nearest)
+}
+
+/// Tips of all pairs: those of a row for its pairs, and of the others where they stand.
+fn all_pairs(
+    rows: &[LeafRow],
+    tips: &[[f64; 2]],
+    collimator: &Collimator,
+    parked: [f64; 2],
+) -> Vec<[f64; 2]> {
+    let mut all = vec![parked; collimator.pairs()];
     for (row, tips) in rows.iter().zip(tips) {
         all[row.pairs.clone()].fill(*tips);
     }

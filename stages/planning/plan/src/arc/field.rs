@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use super::ArcError;
 use super::spec::ArcSpec;
+use super::window::{lit_cells, windows};
 use crate::dose::{BeamAngles, BixelSpec, Collimator, DoseEngine};
 use crate::fluence::{DoseChange, Goals};
 use crate::threads::on_threads;
@@ -22,6 +23,14 @@ pub struct LeafRow {
     pub edges_mm: [f64; 2],
     /// Numbers of its cells: cell `j` lies around `j` widths.
     pub cells: Range<i32>,
+}
+
+impl LeafRow {
+    /// Whether a cell of this width around a place across the travel lies partly in the row.
+    pub fn is_over(&self, z_mm: f64, width_mm: f64) -> bool {
+        let half = 0.5 * width_mm;
+        z_mm + half > self.edges_mm[0] + 1e-6 && z_mm - half < self.edges_mm[1] - 1e-6
+    }
 }
 
 /// Dose of the cells at a gantry angle.
@@ -84,6 +93,9 @@ pub struct ArcField {
     pub intervals: Vec<Interval>,
     /// Doses at each angle that is used.
     pub doses: Vec<CellDoses>,
+    /// For each control point and row of leaves the cells that its tips may open: those that every angle lights in whose dose
+    /// they have a part. Nothing where there are none.
+    pub windows: Vec<Vec<Option<Range<i32>>>>,
     /// The first column of each row of leaves in the doses.
     offsets: Vec<usize>,
     /// Rows of the goals.
@@ -109,6 +121,8 @@ impl ArcField {
         let (points, intervals, angles) = schedule(arcs);
         let lit = on_threads(&angles, threads, |angle| fine.bixels_mm(*angle))?;
         let rows = leaf_rows(collimator, bixel_mm, width_mm, &lit)?;
+        let lit: Vec<_> = lit.iter().map(|lit| lit_cells(&rows, width_mm, lit)).collect();
+        let windows = windows(&points, &intervals, &lit);
         let mut offsets = vec![0];
         for row in &rows {
             offsets.push(offsets[offsets.len() - 1] + row.cells.len());
@@ -118,7 +132,7 @@ impl ArcField {
         let doses = on_threads(&angles, threads, |angle| cells.doses(&fine, *angle))?;
         let transmission = collimator.transmission;
         let goal_rows = goals.voxels().len();
-        Ok(Self { width_mm, transmission, rows, points, intervals, doses, offsets, goal_rows })
+        Ok(Self { width_mm, transmission, rows, points, intervals, doses, windows, offsets, goal_rows })
     }
 
     /// Entries of all doses.
@@ -196,9 +210,13 @@ impl ArcField {
         [(f64::from(cell) - 0.5) * self.width_mm, (f64::from(cell) + 0.5) * self.width_mm]
     }
 
-    /// The lowest and the highest place of a tip of a row, mm.
+    /// The lowest and the highest edge of the cells of a row, mm.
     pub fn ends_mm(&self, row: usize) -> [f64; 2] {
-        let cells = &self.rows[row].cells;
+        self.around_mm(&self.rows[row].cells)
+    }
+
+    /// The lowest and the highest edge of these cells, mm.
+    pub fn around_mm(&self, cells: &Range<i32>) -> [f64; 2] {
         [self.edges_mm(cells.start)[0], self.edges_mm(cells.end - 1)[1]]
     }
 }
@@ -253,11 +271,12 @@ fn leaf_rows(
         while end < collimator.pairs() && edges[end + 1] - edges[pair] <= most_mm + 1e-6 {
             end += 1;
         }
-        let edges_mm = [edges[pair], edges[end]];
-        let over = |z: f64| z + half > edges_mm[0] + 1e-6 && z - half < edges_mm[1] - 1e-6;
-        let cells = places().filter(|[_, z]| over(*z)).map(|[x, _]| libm::round(x / width_mm) as i32);
+        let mut row = LeafRow { pairs: pair..end, edges_mm: [edges[pair], edges[end]], cells: 0..0 };
+        let cells = places().filter(|[_, z]| row.is_over(*z, width_mm));
+        let cells = cells.map(|[x, _]| libm::round(x / width_mm) as i32);
         if let (Some(from), Some(to)) = (cells.clone().min(), cells.max()) {
-            rows.push(LeafRow { pairs: pair..end, edges_mm, cells: from..to + 1 });
+            row.cells = from..to + 1;
+            rows.push(row);
         }
         pair = end;
     }
@@ -381,7 +400,7 @@ mod tests {
         let off = dose.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         // Entries are single precision numbers.
         assert!(largest > 1.0 && off < 1e-6 * largest, "{off} of {largest}");
-        let bounds = Bounds::new(&field, &ArcLimits::generic(), &open, 1.0);
+        let bounds = Bounds::new(&field, &ArcLimits::generic(), &open, 1.0).unwrap();
         assert_eq!(trajectory.fault(&field, &bounds), None);
     }
 

@@ -6,7 +6,7 @@
 //!
 //! - `spec`: which way an arc goes
 //! - `field`: control points, and the doses of all that leaves can open
-//! - `trajectory`: tips and weights, with the limits that they keep
+//! - `window`: where tips may be; `trajectory`: tips and weights, with the limits that they keep
 //! - `start`: apertures by price; `sweep`: the leaves; `weights`: the weights of intervals
 //! - `optimise`: all of it
 //! - `beam`: the leaves of an arc as they are exported; `dose`: the dose that is reported, of angles that are closer to each other
@@ -20,6 +20,7 @@ mod start;
 mod sweep;
 mod trajectory;
 mod weights;
+mod window;
 
 use thiserror::Error;
 
@@ -65,6 +66,21 @@ pub enum ArcError {
         first_mm: f64,
         /// Highest edge of the leaves, mm.
         last_mm: f64,
+    },
+    /// What is lit is beyond the tips of the leaves.
+    #[error(
+        "the target needs a field from {low_mm} to {high_mm} mm across the axis of the gantry, but leaves are withdrawn to {reach_mm} mm \
+         and go over the axis by {over_travel_mm} mm; plan with another isocentre or another machine"
+    )]
+    Aside {
+        /// Lower edge of the field, mm.
+        low_mm: f64,
+        /// Upper edge of the field, mm.
+        high_mm: f64,
+        /// Reach of the leaves, mm.
+        reach_mm: f64,
+        /// Their over-travel, mm.
+        over_travel_mm: f64,
     },
     /// No ray to the target crosses the patient.
     #[error("an arc has no bixel: no ray to the target crosses the patient; check the outline")]

@@ -17,6 +17,9 @@ use crate::threads::on_threads;
 /// Apertures of one pricing, and the control points that they are apart.
 const AT_ONCE: (usize, usize) = (3, 8);
 
+/// What tips may be off by rounding, mm.
+const ROUNDING_MM: f64 = 1e-9;
+
 /// Apertures that are placed, by control point.
 type Placed = Vec<Option<Vec<[f64; 2]>>>;
 
@@ -56,7 +59,11 @@ pub fn start(
         let mut now: Vec<usize> = Vec::new();
         for (slope, point, tips) in found {
             let is_far = now.iter().all(|other| other.abs_diff(point) >= AT_ONCE.1);
-            if now.len() < AT_ONCE.0 && is_far && slope <= 0.5 * best {
+            if now.len() < AT_ONCE.0
+                && is_far
+                && slope <= 0.5 * best
+                && is_reached(field, bounds, &placed, point, &tips)
+            {
                 columns.push(still_dose(field, point, &tips), goals)?;
                 placed[point] = Some(tips);
                 order.push(point);
@@ -129,7 +136,7 @@ fn steepest(
 
 /// Where each tip of a row can be at a control point, given the nearest placed apertures of its arc.
 fn reachable(field: &ArcField, bounds: &Bounds, placed: &Placed, point: usize, row: usize) -> [[f64; 2]; 2] {
-    let mut allowed = bounds.ends_mm[row];
+    let mut allowed = bounds.ends_mm[point][row];
     let mut restrict = |travel_mm: f64, tips: &[[f64; 2]]| {
         for bank in 0..2 {
             let [low, high] = allowed[bank];
@@ -157,6 +164,18 @@ fn reachable(field: &ArcField, bounds: &Bounds, placed: &Placed, point: usize, r
     allowed
 }
 
+/// Whether an aperture keeps the limits at a control point, given the nearest placed ones: the others of its pricing may be new.
+fn is_reached(field: &ArcField, bounds: &Bounds, placed: &Placed, point: usize, tips: &[[f64; 2]]) -> bool {
+    (0..field.rows.len()).all(|row| {
+        let allowed = reachable(field, bounds, placed, point, row);
+        let is_within = |bank: usize| {
+            let [low, high] = allowed[bank];
+            (low - ROUNDING_MM..=high + ROUNDING_MM).contains(&tips[row][bank])
+        };
+        is_within(0) && is_within(1)
+    })
+}
+
 /// The sum of slopes up to a place, linear within a cell.
 fn sum_to(field: &ArcField, row: usize, sums: &[f64], mm: f64) -> f64 {
     let place = ((mm - field.ends_mm(row)[0]) / field.width_mm).clamp(0.0, (sums.len() - 1) as f64);
@@ -164,8 +183,8 @@ fn sum_to(field: &ArcField, row: usize, sums: &[f64], mm: f64) -> f64 {
     sums[cell] + (place - cell as f64) * (sums[cell + 1] - sums[cell])
 }
 
-/// Tips within these ends between which the sum of slopes is least; each is at an edge of a cell or at an end. A closed row is as near as
-/// can be to the middle of its cells.
+/// Tips within these ends between which the sum of slopes is least; each is at an edge of a cell or at an end. Of equal sums the
+/// narrowest opening is taken. A closed row is as near as can be to the middle of its cells.
 fn least_sum(
     field: &ArcField,
     row: usize,
@@ -193,7 +212,8 @@ fn least_sum(
     for low in edges(lower) {
         for high in highs.iter().filter(|high| **high - low >= gap_mm) {
             let sum = of(low, *high);
-            if sum < best.0 - 1e-12 {
+            let is_narrower = *high - low < best.1[1] - best.1[0] - 1e-9;
+            if sum < best.0 - 1e-12 || (sum <= best.0 && is_narrower) {
                 best = (sum, [low, *high]);
             }
         }
@@ -201,7 +221,8 @@ fn least_sum(
     best
 }
 
-/// Tips of all control points: those that are placed, and between them what moves evenly.
+/// Tips of all control points: those that are placed, and between them what moves evenly, as far as their ends allow. Ends move no
+/// faster than leaves, so tips that stop at them do not either.
 fn between(field: &ArcField, bounds: &Bounds, placed: &Placed) -> Vec<Vec<[f64; 2]>> {
     let count = field.points.len();
     let same_arc = |a: usize, b: usize| field.points[a].arc == field.points[b].arc;
@@ -219,12 +240,16 @@ fn between(field: &ArcField, bounds: &Bounds, placed: &Placed) -> Vec<Vec<[f64; 
             }
             (Some(only), None) | (None, Some(only)) => tips(only, row),
             (None, None) => {
-                let ends = bounds.ends_mm[row];
-                let middle = (0.5 * (ends[0][0] + ends[1][1])).clamp(ends[0][0], ends[0][1]);
-                [middle, (middle + bounds.gap_mm).clamp(ends[1][0], ends[1][1])]
+                let ends = bounds.ends_mm[point][row];
+                let middle = 0.5 * (ends[0][0] + ends[1][1] - bounds.gap_mm);
+                [middle, middle + bounds.gap_mm]
             }
         };
-        (0..field.rows.len()).map(row).collect()
+        let within = |row: usize, tips: [f64; 2]| {
+            let ends = bounds.ends_mm[point][row];
+            [0, 1].map(|bank| tips[bank].max(ends[bank][0]).min(ends[bank][1]))
+        };
+        (0..field.rows.len()).map(|number| within(number, row(number))).collect()
     };
     (0..count).map(of).collect()
 }

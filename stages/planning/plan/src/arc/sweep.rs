@@ -152,7 +152,7 @@ fn sharing<'a>(
 fn room_mm(field: &ArcField, bounds: &Bounds, trajectory: &Trajectory, tip: Tip, side: f64) -> f64 {
     let Tip { point, row, bank } = tip;
     let at = trajectory.tips_mm[point][row][bank];
-    let [low, high] = bounds.ends_mm[row][bank];
+    let [low, high] = bounds.ends_mm[point][row][bank];
     let mut room = if side > 0.0 { high - at } else { at - low };
     let partner = trajectory.tips_mm[point][row][1 - bank];
     if opens(tip, side) < 0.0 {

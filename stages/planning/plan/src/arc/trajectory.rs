@@ -1,10 +1,12 @@
 //! Where the leaves are at each control point, and what is given between them.
 
+use super::ArcError;
 use super::field::{ArcField, Interval, part};
+use super::window::{Room, down};
 use crate::dose::{ArcLimits, Collimator, Stretch, farthest_mm};
 
 /// Tips are at whole micrometres in a plan, so that every limit holds in the decimals of a file.
-const GRID_PER_MM: f64 = 1e3;
+pub const GRID_PER_MM: f64 = 1e3;
 
 /// The leaves and the weights of all arcs.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,25 +26,34 @@ pub struct Bounds {
     pub weights: Vec<[f64; 2]>,
     /// Least distance of the tips of a pair, mm.
     pub gap_mm: f64,
-    /// The lowest and the highest place of a tip, for each row of leaves and each bank, mm.
-    pub ends_mm: Vec<[[f64; 2]; 2]>,
+    /// The lowest and the highest place of a tip, for each control point, each row of leaves and each bank, mm.
+    pub ends_mm: Vec<Vec<[[f64; 2]; 2]>>,
 }
 
 impl Bounds {
     /// Those of a machine whose fluence of weight 1 is so many monitor units in a fraction.
-    pub fn new(field: &ArcField, limits: &ArcLimits, collimator: &Collimator, mu_per_weight: f64) -> Self {
-        let (reach, over) = (collimator.reach_mm, collimator.over_travel_mm);
-        let ends = |row| {
+    ///
+    /// # Errors
+    /// The leaves do not reach what is lit.
+    pub fn new(
+        field: &ArcField,
+        limits: &ArcLimits,
+        collimator: &Collimator,
+        mu_per_weight: f64,
+    ) -> Result<Self, ArcError> {
+        let travel_mm: Vec<f64> = field.intervals.iter().map(|i| limits.travel_mm(i.degrees)).collect();
+        let gap_mm = limits.whole_gap_mm();
+        let room = Room { points: &field.points, collimator, gap_mm, travel_mm: &travel_mm };
+        let mut ends_mm = vec![Vec::with_capacity(field.rows.len()); field.points.len()];
+        for row in 0..field.rows.len() {
+            let window = |of: &Vec<Option<_>>| of[row].as_ref().map(|cells| field.around_mm(cells));
+            let windows_mm: Vec<_> = field.windows.iter().map(window).collect();
             let [low, high] = field.ends_mm(row);
-            [[low.max(-reach), high.min(over)], [low.max(-over), high.min(reach)]]
-        };
-        let units = |interval: &Interval| limits.units(interval.degrees).map(|units| units / mu_per_weight);
-        Self {
-            travel_mm: field.intervals.iter().map(|i| limits.travel_mm(i.degrees)).collect(),
-            weights: field.intervals.iter().map(units).collect(),
-            gap_mm: libm::ceil(GRID_PER_MM * limits.least_gap_mm - 1e-6) / GRID_PER_MM,
-            ends_mm: (0..field.rows.len()).map(ends).collect(),
+            let ends = room.ends(&windows_mm, 0.5 * (low + high))?;
+            ends_mm.iter_mut().zip(ends).for_each(|(all, ends)| all.push(ends));
         }
+        let units = |interval: &Interval| limits.units(interval.degrees).map(|units| units / mu_per_weight);
+        Ok(Self { travel_mm, weights: field.intervals.iter().map(units).collect(), gap_mm, ends_mm })
     }
 }
 
@@ -94,8 +105,6 @@ impl Trajectory {
     /// The same with all tips at whole micrometres, downwards. Limits of whole micrometres that held before hold after it.
     #[must_use]
     pub fn on_grid(&self) -> Self {
-        // What is a rounding below a place of the grid is there.
-        let down = |mm: f64| libm::floor(mm * GRID_PER_MM + 1e-6) / GRID_PER_MM;
         let point = |tips: &Vec<[f64; 2]>| tips.iter().map(|tips| tips.map(down)).collect();
         Self { tips_mm: self.tips_mm.iter().map(point).collect(), weights: self.weights.clone() }
     }
@@ -108,7 +117,7 @@ impl Trajectory {
                 if high - low < bounds.gap_mm - LEAST_MM {
                     return Some(format!("control point {point}, row {row}: tips at {low} and {high} mm"));
                 }
-                let [of_low, of_high] = bounds.ends_mm[row];
+                let [of_low, of_high] = bounds.ends_mm[point][row];
                 let is_within =
                     |[least, most]: [f64; 2], mm: f64| (least - LEAST_MM..=most + LEAST_MM).contains(&mm);
                 if !(is_within(of_low, *low) && is_within(of_high, *high)) {

@@ -245,7 +245,7 @@ impl DoseEngine {
     }
 
     /// The same patient with other bixels around the same places.
-    pub(crate) fn with_bixels(&self, bixels: BixelSpec) -> Self {
+    pub fn with_bixels(&self, bixels: BixelSpec) -> Self {
         Self { params: DoseParams { bixels, ..self.params }, ..self.clone() }
     }
 

@@ -84,14 +84,16 @@ impl PlanSetup {
         let field = ArcField::new(search.engine(), &search.goals, collimator, arcs, threads)?;
         on_progress(ArcProgress::Doses);
         let mu_per_weight = collimator.mu_per_weight / f64::from(self.case.fractions().unwrap_or(1));
-        let bounds = Bounds::new(&field, &self.spec.machine.arc_limits(), collimator, mu_per_weight);
+        let limits = self.spec.machine.arc_limits();
+        let bounds = Bounds::new(&field, &limits, collimator, mu_per_weight)?;
         let on_round = |round, cost| on_progress(ArcProgress::Round(round, cost));
         let found = optimise(&field, &search.goals, &bounds, options, threads, on_round)?;
         let mut trajectory = found.trajectory;
         let points = search.goals.voxels().len();
         drop(search);
-        let beams =
-            |trajectory: &Trajectory| ArcBeam::all(&field, trajectory, collimator, arcs, mu_per_weight);
+        let beams = |trajectory: &Trajectory| {
+            ArcBeam::all(&field, trajectory, collimator, arcs, mu_per_weight, bounds.gap_mm)
+        };
         let moving = beams(&trajectory);
         if moving.len() < arcs.len() {
             return Err(ArcError::NoGain.into());
@@ -100,14 +102,18 @@ impl PlanSetup {
         let doses = ArcDose::new(self.engine(), &self.goals, collimator, &moving, threads, on_interval)?;
         let columns = doses.columns(&self.goals)?;
         let last = columns.improve(&self.goals, &bounds.weights, &mut trajectory.weights)?;
-        // The jaws stay where they were when the doses were computed.
-        let with_jaws = |(beam, jaws): (ArcBeam, &ArcBeam)| ArcBeam { field_mm: jaws.field_mm, ..beam };
         let solved = beams(&trajectory);
         if solved.len() < arcs.len() {
             return Err(ArcError::NoGain.into());
         }
+        // Jaws and leaves are those of the doses; the units are new.
+        let beams: Vec<ArcBeam> =
+            moving.into_iter().zip(&solved).map(|(beam, of)| beam.with_units(of)).collect();
+        if let Some(fault) = beams.iter().find_map(|beam| beam.fault(&limits, collimator)) {
+            return Err(ArcError::Limit(fault).into());
+        }
         Ok(PlannedArcs {
-            beams: solved.into_iter().zip(&moving).map(with_jaws).collect(),
+            beams,
             objective: last.cost(),
             dose: last.dose().to_vec(),
             spacing: doses.spacing_error(&trajectory.weights),
