@@ -8,7 +8,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Prescription;
 use thiserror::Error;
 
-use crate::arc::{ArcBeam, ArcPoint};
+use crate::arc::{ArcBeam, ArcPoint, ArcSpec};
 use crate::check::{Bounds, CheckValues, Checked};
 use crate::dose::{ArcLimits, BeamAngles, Collimator, EngineName, farthest_mm};
 use crate::evaluation::{FallOff, StructureDose};
@@ -444,7 +444,7 @@ pub struct PlanFileArc {
     pub seconds: f64,
     /// The jaws along x and z, mm.
     pub field_x_z_mm: [[f64; 2]; 2],
-    /// Number of the first pair of leaves whose tips are written; pairs before and behind those are closed.
+    /// Number of the first pair of leaves whose tips are written; pairs before and behind those stand behind the lower jaw.
     pub first_pair: usize,
     /// Its control points.
     pub control_points: Vec<PlanFileControlPoint>,
@@ -459,6 +459,15 @@ pub struct PlanFileControlPoint {
     pub monitor_units: f64,
     /// Tips of the pairs in the jaws, mm.
     pub tips_mm: Vec<[f64; 2]>,
+}
+
+impl PlanFileArcs {
+    /// Seconds of one fraction: with the beam on, and the gantry between arcs, which does not turn through 180 degrees.
+    pub fn seconds_in_all(&self) -> f64 {
+        let arcs: Vec<ArcSpec> = self.arcs.iter().filter_map(|arc| arc.arc.parse().ok()).collect();
+        let turned: f64 = arcs.windows(2).map(|pair| pair[0].degrees_to(&pair[1])).sum();
+        self.seconds + turned / self.limits.gantry_deg_per_s
+    }
 }
 
 impl PlanFileLeaves {
@@ -642,7 +651,7 @@ impl PlanFile {
     /// the beam on; nothing for a fluence that is not sequenced.
     pub fn seconds(&self, limits: &ArcLimits) -> Option<f64> {
         let of_segments = self.leaves.as_ref().map(|leaves| leaves.seconds(limits));
-        of_segments.or(self.arcs.as_ref().map(|arcs| arcs.seconds))
+        of_segments.or_else(|| self.arcs.as_ref().map(PlanFileArcs::seconds_in_all))
     }
 
     /// Figures of the segments where there are some, of the planned fluence otherwise.

@@ -9,9 +9,9 @@ use stillpoint_plan::arc::{
     ArcBeam, ArcError, ArcField, ArcLimits, ArcOptions, ArcSpec, Bounds, Optimised, Tip, Trajectory,
     add_move, optimise, slope,
 };
-use stillpoint_plan::dose::{BixelSpec, Collimator, EngineName};
+use stillpoint_plan::dose::{BixelSpec, Collimator, EngineName, FreeRange, Machine};
 use stillpoint_plan::fluence::DoseChange;
-use stillpoint_plan::recipe::{ArcProgress, PlanSetup, PointScheme, SetupSpec};
+use stillpoint_plan::recipe::{ArcPlanError, ArcProgress, PlanSetup, PointScheme, SetupSpec};
 
 fn threads(number: usize) -> NonZeroUsize {
     NonZeroUsize::new(number).unwrap()
@@ -282,4 +282,22 @@ fn odd_bixels_give_an_arc_that_keeps_its_limits() {
         let found = optimised(&setup, &field, ArcLimits::generic(), 2);
         assert!(found.objective < found.objectives[0]);
     }
+}
+
+#[test]
+fn angles_that_are_not_free_are_refused() {
+    let mut file = SetupSpec::shipped().unwrap().machine.file().clone();
+    file.free_angles = Some(vec![FreeRange { couch_deg: [-5.0, 5.0], gantry_deg: [300.0, 60.0] }]);
+    let spec = SetupSpec {
+        grid_mm: 16.0,
+        bixel_mm: 20.0,
+        points: PointScheme::Thinned,
+        machine: Machine::new(file).unwrap(),
+        ..SetupSpec::shipped().unwrap()
+    };
+    let setup = PlanSetup::new(phantom(0).unwrap(), spec).unwrap();
+    let arcs = ArcSpec::list("340..20cw,20..70cw").unwrap();
+    let error = setup.plan_arcs(&arcs, ArcOptions::default(), threads(1), |_| ()).unwrap_err();
+    let ArcPlanError::Blocked { arc, gantry_deg } = error else { panic!("{error}") };
+    assert!(arc == arcs[1] && gantry_deg > 60.0 && gantry_deg < 65.0, "{gantry_deg}");
 }

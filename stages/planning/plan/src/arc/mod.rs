@@ -88,6 +88,9 @@ pub enum ArcError {
     /// Nothing lessens the objective.
     #[error("no aperture of an arc lessens the objective; check the objectives of the targets")]
     NoGain,
+    /// An arc gives nothing beside the others.
+    #[error("the arc {0} gives nothing that lessens the objective: leave it out")]
+    Idle(ArcSpec),
     /// A limit of the machine does not hold.
     #[error("an arc breaks a limit of the machine: {0}; report this with the case")]
     Limit(String),

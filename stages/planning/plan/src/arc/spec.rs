@@ -40,6 +40,11 @@ pub enum ArcSpecError {
         /// What it turns by.
         degrees: f64,
     },
+    /// It passes the end of the way of the gantry.
+    #[error(
+        "invalid arc: {0} passes 180 degrees, where the gantry stops; go the other way round, or give two arcs that end and begin there"
+    )]
+    Stop(String),
     /// There are none, or too many.
     #[error("invalid number of arcs: {0} (allowed: 1 to 4)")]
     Number(usize),
@@ -65,6 +70,21 @@ impl ArcSpec {
         let [from, to] =
             if self.clockwise { [self.from_deg, self.to_deg] } else { [self.to_deg, self.from_deg] };
         (to - from).rem_euclid(360.0)
+    }
+
+    /// Beginning and end on the way of the gantry, which is from 0 degrees on one side of gantry 180 to 360 on the other.
+    fn way_deg(&self) -> [f64; 2] {
+        let [from, to] = [self.from_deg, self.to_deg].map(|deg| (deg - 180.0).rem_euclid(360.0));
+        // At 180 itself an arc tells the side by its sense.
+        match self.clockwise {
+            true => [from, if to == 0.0 { 360.0 } else { to }],
+            false => [if from == 0.0 { 360.0 } else { from }, to],
+        }
+    }
+
+    /// Degrees by which the gantry turns from the end of this arc to the beginning of another one, not through 180.
+    pub fn degrees_to(&self, next: &Self) -> f64 {
+        (next.way_deg()[0] - self.way_deg()[1]).abs()
     }
 
     /// Gantry angles of the control points, which run on beyond 0 and 360 degrees; at most 4 degrees apart.
@@ -96,9 +116,13 @@ impl FromStr for ArcSpec {
         };
         let arc = Self { from_deg: number(from)?, to_deg: number(to)?, clockwise };
         let degrees = arc.degrees();
-        match (SHORTEST_DEG..=359.0).contains(&degrees) {
+        if !(SHORTEST_DEG..=359.0).contains(&degrees) {
+            return Err(ArcSpecError::Length { arc: arc.to_string(), degrees });
+        }
+        let [from, to] = arc.way_deg();
+        match (to > from) == arc.clockwise {
             true => Ok(arc),
-            false => Err(ArcSpecError::Length { arc: arc.to_string(), degrees }),
+            false => Err(ArcSpecError::Stop(arc.to_string())),
         }
     }
 }
@@ -128,9 +152,29 @@ mod tests {
         for whole in ["0..0cw", "0..5cw", "180..180.5cc"] {
             assert!(matches!(whole.parse::<ArcSpec>(), Err(ArcSpecError::Length { .. })), "{whole}");
         }
+        for through in ["170..190cw", "190..170cc", "0..359cw", "90..89cw", "270..271cc"] {
+            assert!(matches!(through.parse::<ArcSpec>(), Err(ArcSpecError::Stop(_))), "{through}");
+        }
+        for to_the_stop in ["0..180cw", "180..0cw", "180..179cw", "0..180cc", "180..0cc", "180..181cc"] {
+            assert!(to_the_stop.parse::<ArcSpec>().is_ok(), "{to_the_stop}");
+        }
         assert_eq!(ArcSpec::list("1").unwrap().len(), 1);
         assert_eq!(ArcSpec::list("2").unwrap(), ArcSpec::list("182..178cw, 178..182cc").unwrap());
         assert_eq!(ArcSpec::list("0..90cw,0..90cw,0..90cw,0..90cw,0..90cw"), Err(ArcSpecError::Number(5)));
+    }
+
+    #[test]
+    fn between_arcs_the_gantry_turns_back_and_never_through_180_degrees() {
+        for (arcs, expected) in [
+            ("182..178cw,178..182cc", 0.0),
+            ("182..178cw,182..178cw", 356.0),
+            ("90..180cw,180..90cc", 0.0),
+            ("90..180cw,180..270cw", 360.0),
+            ("270..350cw,10..90cw", 20.0),
+        ] {
+            let arcs = ArcSpec::list(arcs).unwrap();
+            assert!((arcs[0].degrees_to(&arcs[1]) - expected).abs() < 1e-9, "{arcs:?}");
+        }
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::spec::{PointScheme, SetupSpec};
 use crate::arc::{
     ArcBeam, ArcDose, ArcError, ArcField, ArcOptions, ArcSpec, Bounds, SpacingError, Trajectory, optimise,
 };
+use crate::dose::BeamAngles;
 
 /// A plan of arcs.
 #[derive(Clone, Debug)]
@@ -43,6 +44,16 @@ pub enum ArcPlanError {
     /// Set-up errors.
     #[error("arcs are planned for the planned set-up alone: leave out --robust")]
     Robust,
+    /// The machine file says that the gantry collides.
+    #[error(
+        "the arc {arc} passes gantry {gantry_deg} degrees at couch 0, which is not in `free_angles` of the machine file; give other arcs"
+    )]
+    Blocked {
+        /// The arc.
+        arc: ArcSpec,
+        /// Its first control point that is not free, degrees.
+        gantry_deg: f64,
+    },
     /// The points of the search cannot be made.
     #[error(transparent)]
     Setup(#[from] SetupError),
@@ -66,7 +77,7 @@ impl PlanSetup {
     /// Plans arcs for the planned set-up. Any number of threads gives the same bytes.
     ///
     /// # Errors
-    /// The machine has no leaves, there are set-up errors, or a dose cannot be computed.
+    /// The machine has no leaves, an arc passes angles that are not free, there are set-up errors, or a dose cannot be computed.
     pub fn plan_arcs(
         &self,
         arcs: &[ArcSpec],
@@ -77,6 +88,14 @@ impl PlanSetup {
         let collimator = self.spec.machine.file().collimator.as_ref().ok_or(ArcPlanError::NoLeaves)?;
         if !self.spec.errors_mm.is_empty() {
             return Err(ArcPlanError::Robust);
+        }
+        let free = self.spec.machine.free_angles();
+        for arc in arcs {
+            let angles = arc.control_points_deg().into_iter().map(|deg| BeamAngles::from(deg).wrapped());
+            let is_free = |at: &BeamAngles| free.iter().any(|range| range.holds(*at));
+            if let Some(at) = angles.into_iter().find(|at| !is_free(at)) {
+                return Err(ArcPlanError::Blocked { arc: *arc, gantry_deg: at.gantry_deg });
+            }
         }
         let spec =
             SetupSpec { points: PointScheme::Thinned, engine: PlanEngine::Pencil, ..self.spec.clone() };
@@ -94,18 +113,18 @@ impl PlanSetup {
         let beams = |trajectory: &Trajectory| {
             ArcBeam::all(&field, trajectory, collimator, arcs, mu_per_weight, bounds.gap_mm)
         };
+        let all_give = |beams: &[ArcBeam]| match idle(arcs, beams) {
+            Some(arc) => Err(ArcError::Idle(arc)),
+            None => Ok(()),
+        };
         let moving = beams(&trajectory);
-        if moving.len() < arcs.len() {
-            return Err(ArcError::NoGain.into());
-        }
+        all_give(&moving)?;
         let on_interval = || on_progress(ArcProgress::Interval);
         let doses = ArcDose::new(self.engine(), &self.goals, collimator, &moving, threads, on_interval)?;
         let columns = doses.columns(&self.goals)?;
         let last = columns.improve(&self.goals, &bounds.weights, &mut trajectory.weights)?;
         let solved = beams(&trajectory);
-        if solved.len() < arcs.len() {
-            return Err(ArcError::NoGain.into());
-        }
+        all_give(&solved)?;
         // Jaws and leaves are those of the doses; the units are new.
         let beams: Vec<ArcBeam> =
             moving.into_iter().zip(&solved).map(|(beam, of)| beam.with_units(of)).collect();
@@ -122,4 +141,10 @@ impl PlanSetup {
             weight_per_unit: 1.0 / mu_per_weight,
         })
     }
+}
+
+/// The first arc that is not among those that give something: those are in the same order.
+fn idle(arcs: &[ArcSpec], beams: &[ArcBeam]) -> Option<ArcSpec> {
+    let mut beams = beams.iter().peekable();
+    arcs.iter().find(|arc| beams.next_if(|beam| beam.spec == **arc).is_none()).copied()
 }
