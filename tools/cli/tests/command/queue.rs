@@ -37,7 +37,11 @@ fn plans_of_a_queue_are_those_of_each_patient_alone_and_are_made_once() {
     let rows: Value = serde_json::from_slice(&out.stdout).unwrap();
     assert!(rows[1]["reason"].as_str().unwrap().contains("broken.case"), "{rows}");
     let queued = |place: usize| at.join(rows[place]["folder"].as_str().unwrap());
+    // A plan that is made alone is of no request of a queue.
+    std::fs::create_dir(at.join("alone")).unwrap();
+    std::fs::write(at.join("alone/request.json"), "{}").unwrap();
     assert_eq!(plan(at, &["2.case", "--out", "alone"]).status.code(), Some(0));
+    assert!(!at.join("alone/request.json").exists());
     for name in ["plan.json", "plan.html", "dvh.svg", "axial.png"] {
         let read = |folder: &Path| std::fs::read(folder.join(name)).unwrap();
         assert!(read(&queued(2)) == read(&at.join("alone")), "{name}");

@@ -7,6 +7,7 @@ use super::export;
 use super::outcome::Outcome;
 use super::page;
 use super::prepared::Prepared;
+use super::queue::REQUEST;
 use super::request::Request;
 use super::tree;
 use crate::exit::Failure;
@@ -26,6 +27,7 @@ pub fn write(
     runs: &[PlanRun],
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
+    folder.remove(REQUEST)?;
     let mut files = Vec::new();
     let plan = outcome.file(request, prepared, runs).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", plan.to_json().map_err(Failure::failed)?.as_bytes())?);

@@ -21,12 +21,12 @@ use super::arc;
 use super::args::PlanArgs;
 use super::patient;
 use super::request::Patient;
-use super::table::angles;
+use super::table::beams;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// The file that says of which request a plan is.
-const REQUEST: &str = "request.json";
+/// The file that says of which request of a queue a plan is; a plan that is written into its folder removes it.
+pub const REQUEST: &str = "request.json";
 /// Patients that are planned at the same time with a pool, if nothing else is asked for.
 const WITH_POOL: usize = 4;
 
@@ -168,10 +168,6 @@ impl<'a> Queue<'a> {
             return Ok((State::Found, plan));
         }
         let fault = |e: std::io::Error| Failure::failed(format!("{}: {e}", file.display()));
-        if recorded.is_some() {
-            // It would be that of a plan that is half written.
-            std::fs::remove_file(&file).map_err(fault)?;
-        }
         let patient = Patient {
             case: Some(path),
             out: Some(out.clone()),
@@ -353,7 +349,7 @@ fn print(rows: &[Row]) {
             of_plan(|plan| limits_failed(plan).to_string()),
             format!("{:.1}", row.seconds),
             row.word().to_owned(),
-            of_plan(|plan| angles(&plan.angles())),
+            of_plan(beams),
         ]);
     }
     out!("{table}");

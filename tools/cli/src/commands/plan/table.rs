@@ -4,7 +4,7 @@ use stillpoint_plan::check::Checked;
 use stillpoint_plan::dose::BeamAngles;
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::objectives::ObjectiveResult;
-use stillpoint_plan::plan_file::{PlanFileCouch, PlanFileHigher};
+use stillpoint_plan::plan_file::{PlanFile, PlanFileCouch, PlanFileHigher};
 use stillpoint_plan::protocol::{Judged, Served};
 
 use super::leaves::Leaves;
@@ -150,6 +150,14 @@ pub fn couch(couch: &PlanFileCouch) -> String {
         );
     }
     text
+}
+
+/// The beams of a plan for people: their angles, or its arcs.
+pub fn beams(plan: &PlanFile) -> String {
+    match &plan.arcs {
+        Some(arcs) => arcs.arcs.iter().map(|arc| format!("arc {}", arc.arc)).collect::<Vec<_>>().join(", "),
+        None => angles(&plan.angles()),
+    }
 }
 
 /// Angles for people.

@@ -24,10 +24,11 @@ pub fn dicom(
         given: point.units,
         tips_mm: point.tips_mm.clone(),
     };
-    let beam = |beam: &ArcBeam| {
+    let beam = |(number, beam): (usize, &ArcBeam)| {
         let points: Vec<ArcPoint> = beam.points.iter().map(point).collect();
         Beam {
-            name: format!("arc {}", beam.spec),
+            // One arc can be there twice.
+            name: format!("{} arc {}", number + 1, beam.spec),
             gantry_deg: points.first().map_or(0.0, |point| point.gantry_deg),
             couch_deg: 0.0,
             isocentre_mm: case.isocentre_mm(),
@@ -37,7 +38,7 @@ pub fn dicom(
             arc: Some(Arc { clockwise: beam.spec.clockwise, mu_per_min: outcome.limits.mu_per_min, points }),
         }
     };
-    let beams: Vec<Beam> = outcome.planned.beams.iter().map(beam).collect();
+    let beams: Vec<Beam> = outcome.planned.beams.iter().enumerate().map(beam).collect();
     let machine = request.setup.spec.machine.file();
     let plan = plan_file(
         &export,

@@ -17,6 +17,7 @@ use stillpoint_plan::recipe::{ArcPlanError, ArcProgress};
 use super::args::PlanArgs;
 use super::page::arc as page;
 use super::prepared::{bar, notes};
+use super::queue::REQUEST;
 use super::request::{Patient, Request};
 use crate::exit::{Exit, Failure, print_json};
 use crate::out_folder::OutFolder;
@@ -40,9 +41,14 @@ pub struct MadeArcs {
     seconds: [f64; 2],
 }
 
+/// The arcs of a text of `--arc`.
+pub fn read(arcs: &str) -> Result<Vec<ArcSpec>, Failure> {
+    ArcSpec::list(arcs).map_err(|e| Failure::wrong(format!("--arc {arcs}: {e}")))
+}
+
 /// Plans a patient in the arcs of this text, and writes the files.
 pub fn plan(args: &PlanArgs, patient: &Patient<'_>, arcs: &str) -> Result<MadeArcs, Failure> {
-    let arcs = ArcSpec::list(arcs).map_err(|e| Failure::wrong(format!("--arc {arcs}: {e}")))?;
+    let arcs = read(arcs)?;
     let mut request = Request::new(args, patient)?;
     let angles: Vec<BeamAngles> = arcs
         .iter()
@@ -68,13 +74,19 @@ pub fn plan(args: &PlanArgs, patient: &Patient<'_>, arcs: &str) -> Result<MadeAr
     rounds.finish_and_clear();
     doses.finish_and_clear();
     let planned = planned.map_err(|e| match e {
-        ArcPlanError::NoLeaves | ArcPlanError::Robust => Failure::wrong(e),
+        ArcPlanError::NoLeaves | ArcPlanError::Robust | ArcPlanError::Blocked { .. } => Failure::wrong(e),
         other => Failure::failed(other),
     })?;
     let planned_s = began.elapsed().as_secs_f64();
     let outcome = ArcOutcome::new(&request, planned, &angles)?;
     let notes = notes(&request);
     let file = outcome.file(&request).map_err(Failure::failed)?;
+    // Those of a plan before in this folder are of another plan.
+    for name in
+        [REQUEST, "objective.svg", "tree.svg", "compare.svg", "rtplan.dcm", "rtdose.dcm", "rtstruct.dcm"]
+    {
+        out.remove(name)?;
+    }
     let mut files = vec![out.put("plan.json", file.to_json().map_err(Failure::failed)?.as_bytes())?];
     files.push(out.put("dvh.svg", page::histograms(&request, &outcome)?.as_bytes())?);
     for plane in Plane::ALL {
@@ -86,10 +98,6 @@ pub fn plan(args: &PlanArgs, patient: &Patient<'_>, arcs: &str) -> Result<MadeAr
     }
     files.push(out.put("plan.html", page::page(&request, &notes, &outcome)?.as_bytes())?);
     let is_refused = !outcome.checked.faults.is_empty() && request.accept_check.is_none();
-    // Those of a plan before in this folder are of another plan.
-    for name in ["objective.svg", "tree.svg", "compare.svg", "rtplan.dcm", "rtdose.dcm", "rtstruct.dcm"] {
-        out.remove(name)?;
-    }
     if !is_refused {
         for (name, exported) in export::dicom(&request, &outcome).map_err(Failure::failed)? {
             files.push(out.put(name, &exported.bytes)?);

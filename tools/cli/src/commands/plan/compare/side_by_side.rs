@@ -7,7 +7,7 @@ use stillpoint_plan::plan_file::PlanFileLeaves;
 use stillpoint_plan::protocol::Judged;
 
 use super::super::page::parts::{self, number};
-use super::super::table::angles;
+use super::super::table::beams;
 use super::NAMES;
 use super::compared::Compared;
 use crate::exit::Failure;
@@ -84,12 +84,7 @@ impl<'a> SideBySide<'a> {
             rows.push((name.to_owned(), [of(&self.plans[0]), of(&self.plans[1])]));
         };
         row("file", &|p| p.path.display().to_string());
-        row("beams", &|p| match &p.file.arcs {
-            Some(arcs) => {
-                arcs.arcs.iter().map(|arc| format!("arc {}", arc.arc)).collect::<Vec<_>>().join(", ")
-            }
-            None => angles(&p.file.angles()),
-        });
+        row("beams", &|p| beams(&p.file));
         row("method", &|p| p.file.method.to_string());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
         row("dose engine", &|p| p.file.dose.engine.to_string());
