@@ -195,14 +195,14 @@ impl Display for Fault {
             Self::Hotter { shift_mm, planned_gy, shifted_gy, most } => write!(
                 f,
                 "with the patient moved by {}, D0.03cc of the patient is {shifted_gy:.1} Gy, {planned_gy:.1} Gy as planned \
-                 (allowed: {:.0} % of that): plan with `--robust`",
+                 (allowed: {:.0} % of that): plan static beams with `--robust`",
                 axes(*shift_mm),
                 100.0 * most
             ),
             Self::Uncovered { target, shift_mm, planned, shifted, most } => write!(
                 f,
                 "with the patient moved by {}, {:.1} % of {target} gets 95 % of its prescription; of a dose that stays in the \
-                 room it would be {:.1} % (allowed loss: {:.0} %): plan with `--robust`",
+                 room it would be {:.1} % (allowed loss: {:.0} %): plan static beams with `--robust`",
                 axes(*shift_mm),
                 100.0 * shifted,
                 100.0 * planned,

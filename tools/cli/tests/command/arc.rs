@@ -35,6 +35,9 @@ fn arcs_are_a_folder_that_recalculate_reproduces_and_other_programs_refuse() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     run(folder, &["case", "phantom", "--seed", "0", "--out", "."]);
+    // As if a queue had made a plan of another request here.
+    std::fs::create_dir(folder.join("a")).unwrap();
+    std::fs::write(folder.join("a/request.json"), "{}").unwrap();
     let planned: Value =
         serde_json::from_slice(&run(folder, &[COARSE, &["--out", "a", "--threads", "1", "--json"]].concat()))
             .unwrap();
@@ -44,6 +47,7 @@ fn arcs_are_a_folder_that_recalculate_reproduces_and_other_programs_refuse() {
     {
         assert!(bytes("a", name) == bytes("b", name), "{name} depends on threads");
     }
+    assert!(!folder.join("a/request.json").exists());
     assert_eq!(planned["version"], 3);
     let arcs = &planned["arcs"];
     assert_eq!(arcs["arcs"][1]["arc"], "268..260cc");
@@ -56,7 +60,7 @@ fn arcs_are_a_folder_that_recalculate_reproduces_and_other_programs_refuse() {
         arcs["objectives"].as_array().unwrap().iter().map(|o| o.as_f64().unwrap()).collect();
     assert!(objectives.windows(2).all(|pair| pair[1] <= pair[0]), "{objectives:?}");
     let page = String::from_utf8(bytes("a", "plan.html")).unwrap();
-    assert!(page.contains("Arc 260..268cw") && page.contains("Dose rate."));
+    assert!(page.contains("Arc 260..268cw") && page.contains("Dose rate.") && !page.contains("Modulation"));
 
     let recalculated = [
         &["plan", "recalculate", "a/rtplan.dcm", "--case", "pelvis-0.case", "--dose", "a/rtdose.dcm"][..],
@@ -67,6 +71,7 @@ fn arcs_are_a_folder_that_recalculate_reproduces_and_other_programs_refuse() {
     let gamma = &found["other"]["gamma"];
     assert!(gamma["passed"].as_f64().unwrap() > 0.97, "{gamma}");
     assert_eq!(found["beams"][1]["control_points"], 3);
+    assert_eq!(found["beams"][1]["name"], "2 arc 268..260cc");
     let read: f64 =
         found["beams"].as_array().unwrap().iter().map(|b| b["monitor_units"].as_f64().unwrap()).sum();
     assert!((read / units - 1.0).abs() < 1e-6, "{read} {units}");
@@ -99,11 +104,14 @@ fn what_arcs_do_not_know_is_refused_before_anything_is_computed() {
         &["--beams", "7"],
         &["--compare"],
         &["--fluence-only"],
+        &["--doses", "doses"],
     ] {
         refused(&[&["--arc", "1"], other].concat(), "cannot be used with");
     }
     refused(&["--arc", "0..90"], "invalid arc: \"0..90\"");
     refused(&["--arc", "0..4cw"], "turns by 4 degrees (allowed: 8 to 359 degrees)");
+    refused(&["--arc", "170..190cw"], "passes 180 degrees, where the gantry stops");
+    refused(&["a.case", "b.case", "--arc", "0..90"], "invalid arc: \"0..90\"");
     let bare = r#"{"collimator": null}"#;
     std::fs::write(folder.path().join("bare.json"), bare).unwrap();
     refused(&["--arc", "1", "--machine", "bare.json"], "bare.json");

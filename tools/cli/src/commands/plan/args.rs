@@ -43,7 +43,7 @@ pub struct PlanArgs {
     pub(super) angles: Option<String>,
     /// Arcs, in which the gantry turns while the beam is on: `1` or `2` full ones, or `182..178cw,178..182cc`, where `cw` is clockwise (IEC 61217
     /// angles rise) and `cc` is counter-clockwise. The fluence of arcs is that of the leaves. Arcs take no couch angles, no set-up errors and no pool.
-    #[arg(long, value_name = "ARCS", allow_hyphen_values = true, conflicts_with_all = ["angles", "start", "couch", "beams", "budget", "leaves", "method", "compare", "prior", "network", "robust", "robust_by", "fluence_only", "pool", "seed"])]
+    #[arg(long, value_name = "ARCS", allow_hyphen_values = true, conflicts_with_all = ["angles", "start", "couch", "beams", "budget", "leaves", "method", "compare", "prior", "network", "robust", "robust_by", "fluence_only", "pool", "seed", "doses"])]
     pub(super) arc: Option<String>,
     /// Folder of a plan, or its plan.json: its beams are planned again, with its fluence as a start. For another image of the
     /// patient, or other objectives. The plan is that of `--angles` with these angles, found in fewer steps.

@@ -101,7 +101,12 @@ impl Plan {
                     cases.len()
                 )));
             }
-            cases => return Queue::new(args, cases, threads)?.execute(),
+            cases => {
+                if let Some(arcs) = &args.arc {
+                    arc::read(arcs)?;
+                }
+                return Queue::new(args, cases, threads)?.execute();
+            }
         };
         let patient = Patient { case, out: args.out.clone(), threads, is_quiet: args.json, weights: None };
         if let Some(arcs) = &args.arc {

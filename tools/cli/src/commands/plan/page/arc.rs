@@ -18,7 +18,7 @@ use slices::Dosed;
 pub fn page(request: &Request, notes: &[String], outcome: &ArcOutcome<'_>) -> Result<String, Failure> {
     let sections = [
         summary(request, outcome)?,
-        section("setup", "Setup", setup::blocks(request, notes))?,
+        section("setup", "Setup", setup::of_arcs(request, notes))?,
         doses(request, outcome)?,
         section("dvh", "Dose-volume histograms", vec![drawn(request, outcome)?])?,
         limits(request, outcome)?,

@@ -1,5 +1,6 @@
 //! What the plan is made for and with: prescription, fractions, isocentre, machine, objectives, notes.
 
+use stillpoint_plan::dose::EngineName;
 use stillpoint_plan::fluence::Modulation;
 use stillpoint_plan::protocol::Served;
 use stillpoint_plan::recipe::RobustBy;
@@ -7,12 +8,9 @@ use stillpoint_report::page::{Block, Cell, Table};
 
 use super::super::request::Request;
 
-/// The blocks of the section.
+/// The blocks of the section for static beams.
 pub fn blocks(request: &Request, notes: &[String]) -> Vec<Block> {
-    let mut blocks = vec![Block::Table(prescription(request)), Block::Table(objectives(request))];
-    if !request.setup.served.is_empty() {
-        blocks.push(Block::Table(served(request)));
-    }
+    let mut blocks = of_all(request, request.searched_by);
     if let Some(Modulation { neighbours, peaks, times_mean }) = request.setup.goals.modulation() {
         blocks.push(Block::Text(format!(
             "Modulation: a weight of {neighbours} on the mean square of differences between neighbouring bixels, of {peaks} \
@@ -23,7 +21,24 @@ pub fn blocks(request: &Request, notes: &[String]) -> Vec<Block> {
     blocks
 }
 
-fn prescription(request: &Request) -> Table {
+/// The blocks for arcs: they have no fluence whose modulation could cost, and their leaves are searched by pencil beams.
+pub fn of_arcs(request: &Request, notes: &[String]) -> Vec<Block> {
+    let is_other = request.setup.engine_name() != EngineName::Pencil;
+    let mut blocks = of_all(request, is_other.then_some(EngineName::Pencil));
+    blocks.extend(notes.iter().map(|note| Block::Warning(note.clone())));
+    blocks
+}
+
+fn of_all(request: &Request, searched_by: Option<EngineName>) -> Vec<Block> {
+    let mut blocks =
+        vec![Block::Table(prescription(request, searched_by)), Block::Table(objectives(request))];
+    if !request.setup.served.is_empty() {
+        blocks.push(Block::Table(served(request)));
+    }
+    blocks
+}
+
+fn prescription(request: &Request, searched_by: Option<EngineName>) -> Table {
     let case = &request.setup.case;
     let mut table = Table::new("Setup".to_owned(), &["quantity", "value"]);
     let mut row = |name: &str, value: String| table.row([Cell::text(name), Cell::text(value)]);
@@ -44,7 +59,7 @@ fn prescription(request: &Request) -> Table {
     );
     let engine = request.setup.engine_name();
     row("dose engine", format!("{engine}: {}", engine.about()));
-    if let Some(searched_by) = request.searched_by {
+    if let Some(searched_by) = searched_by {
         row("dose engine of the search", format!("{searched_by}: {}", searched_by.about()));
     }
     row(

@@ -9,8 +9,8 @@ use stillpoint_plan::recompute::BeamFluence;
 /// How far a distance of the source may be from that of the machine, mm, and an energy, MV.
 const DISTANCE_MM: f64 = 1.0;
 const ENERGY_MV: f64 = 0.05;
-/// Directions of a plan at most: each is a dose.
-const MOST_DIRECTIONS: usize = 2000;
+/// Directions of a plan at most: each is a dose. Four full arcs with control points 4 degrees apart have up to 2880.
+const MOST_DIRECTIONS: usize = 4000;
 /// Farthest place of a field from the axis, mm.
 const MOST_MM: f64 = 500.0;
 
