@@ -73,7 +73,7 @@ impl ArcSpec {
     }
 
     /// Beginning and end on the way of the gantry, which is from 0 degrees on one side of gantry 180 to 360 on the other.
-    fn way_deg(&self) -> [f64; 2] {
+    fn travel_deg(&self) -> [f64; 2] {
         let [from, to] = [self.from_deg, self.to_deg].map(|deg| (deg - 180.0).rem_euclid(360.0));
         // At 180 itself an arc tells the side by its sense.
         match self.clockwise {
@@ -84,7 +84,7 @@ impl ArcSpec {
 
     /// Degrees by which the gantry turns from the end of this arc to the beginning of another one, not through 180.
     pub fn degrees_to(&self, next: &Self) -> f64 {
-        (next.way_deg()[0] - self.way_deg()[1]).abs()
+        (next.travel_deg()[0] - self.travel_deg()[1]).abs()
     }
 
     /// Gantry angles of the control points, which run on beyond 0 and 360 degrees; at most 4 degrees apart.
@@ -119,7 +119,7 @@ impl FromStr for ArcSpec {
         if !(SHORTEST_DEG..=359.0).contains(&degrees) {
             return Err(ArcSpecError::Length { arc: arc.to_string(), degrees });
         }
-        let [from, to] = arc.way_deg();
+        let [from, to] = arc.travel_deg();
         match (to > from) == arc.clockwise {
             true => Ok(arc),
             false => Err(ArcSpecError::Stop(arc.to_string())),
