@@ -543,7 +543,7 @@ fn an_order_follows_each_command_at_once_and_a_law_that_floods_does_not_flood_th
     for every in ["100 us", "500 us"] {
         let orders = orders_us(every);
         assert!((450..=610).contains(&orders.len()), "{every}: {}", orders.len());
-        let is_apart = |pair: &[u64]| pair[1] - pair[0] >= 2_000 || pair[1] % 10_000 == 0;
+        let is_apart = |pair: &[u64]| pair[1] - pair[0] >= 2_000 || pair[1].is_multiple_of(10_000);
         assert!(orders.windows(2).all(is_apart), "{every}");
     }
 }
