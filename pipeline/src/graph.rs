@@ -279,7 +279,7 @@ impl Priority {
 
     /// What a run has whose machine allows all: `normal`, or `fifo N`.
     #[must_use]
-    pub fn wanted(self) -> String {
+    pub fn full(self) -> String {
         self.level().map_or_else(|| "normal".to_owned(), |level| format!("fifo {level}"))
     }
 }

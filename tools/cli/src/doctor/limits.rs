@@ -124,7 +124,7 @@ pub fn granted(run: &crate::attach::Attached) -> Vec<Finding> {
     let found = crate::processes::of_run(run.pid);
     let mut findings = Vec::new();
     for process in &run.graph.processes {
-        let requested = process.priority.wanted();
+        let requested = process.priority.full();
         let Some(state) = found.iter().find(|p| p.name == process.name) else { continue };
         let setting = format!("priority of process {}", process.name);
         findings.push(if state.granted == requested {

@@ -123,7 +123,7 @@ fn rows(attached: &Attached, before: &mut (Instant, BTreeMap<u32, (f64, f64)>)) 
             ProcessRow {
                 cpu_percent: share(state.pid, |t| t.0),
                 delayed_percent: share(state.pid, |t| t.1),
-                asked: asked.unwrap_or(Priority::Normal).wanted(),
+                asked: asked.unwrap_or(Priority::Normal).full(),
                 state: state.clone(),
             }
         })
