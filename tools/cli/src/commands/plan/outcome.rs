@@ -4,7 +4,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::check::Checked;
-use stillpoint_plan::dose::{BeamAngles, LowDensity};
+use stillpoint_plan::dose::{BeamAngles, EngineName, LowDensity};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
@@ -168,7 +168,6 @@ impl<'a> Outcome<'a> {
     ) -> Result<PlanFile, serde_json::Error> {
         let best = &self.run.choice.best;
         let setup = &request.setup;
-        let params = setup.engine().params();
         let machine = setup.spec.machine.file();
         let beam = |beam: &u16| {
             let weights = best.weights_of(*beam).unwrap_or_default();
@@ -191,32 +190,18 @@ impl<'a> Outcome<'a> {
             version: PlanFile::version_of(&beams),
             stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
             warning: WARNING.to_owned(),
-            case: PlanFileCase {
-                name: setup.case.name().to_owned(),
-                hash: setup.hash.to_string(),
-                provenance: setup.case.provenance().to_owned(),
-            },
+            case: case_of(request),
             prescription: setup.case.prescription().to_vec(),
             fractions: setup.case.fractions(),
             isocentre_mm: setup.case.isocentre_mm(),
             machine: PlanFileMachine { energy_mv: machine.energy_mv, provenance: machine.provenance.clone() },
-            dose: PlanFileDose {
-                grid: PlanFileGrid::from(self.grid()),
-                optimised: Some(PlanFilePoints {
-                    lattice: PlanFileGrid::from(&params.grid),
-                    points: setup.goals.voxels().len(),
-                }),
-                bixel_mm: params.bixels.width_mm,
-                cutoff_mm: params.cutoff_mm,
-                engine: params.engine,
-                searched_by: request.searched_by,
-                low_density: Some(PlanFileLowDensity {
-                    bixels: self.low_density.bixels,
-                    crossing: self.low_density.crossing,
-                    longest_mm: self.low_density.longest_mm,
-                    caution: self.caution(request),
-                }),
-            },
+            dose: dose_of(
+                request,
+                self.grid(),
+                request.searched_by,
+                &self.low_density,
+                self.caution(request),
+            ),
             requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             couch: request.couch.clone(),
@@ -244,6 +229,45 @@ impl<'a> Outcome<'a> {
             reference: self.reference.clone(),
             searches: runs.iter().map(|run| search(request, run)).collect(),
         })
+    }
+}
+
+/// The case of a request.
+pub fn case_of(request: &Request) -> PlanFileCase {
+    let setup = &request.setup;
+    PlanFileCase {
+        name: setup.case.name().to_owned(),
+        hash: setup.hash.to_string(),
+        provenance: setup.case.provenance().to_owned(),
+    }
+}
+
+/// Grids, bixels and engines of a dose on this grid.
+pub fn dose_of(
+    request: &Request,
+    grid: &Grid,
+    searched_by: Option<EngineName>,
+    low_density: &LowDensity,
+    caution: Option<String>,
+) -> PlanFileDose {
+    let setup = &request.setup;
+    let params = setup.engine().params();
+    PlanFileDose {
+        grid: PlanFileGrid::from(grid),
+        optimised: Some(PlanFilePoints {
+            lattice: PlanFileGrid::from(&params.grid),
+            points: setup.goals.voxels().len(),
+        }),
+        bixel_mm: params.bixels.width_mm,
+        cutoff_mm: params.cutoff_mm,
+        engine: params.engine,
+        searched_by,
+        low_density: Some(PlanFileLowDensity {
+            bixels: low_density.bixels,
+            crossing: low_density.crossing,
+            longest_mm: low_density.longest_mm,
+            caution,
+        }),
     }
 }
 

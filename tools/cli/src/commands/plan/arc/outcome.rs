@@ -9,14 +9,14 @@ use stillpoint_plan::dose::{
 use stillpoint_plan::evaluation::{Evaluation, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::plan_file::{
-    PLAN_FILE_VERSION, PlanFile, PlanFileArc, PlanFileArcs, PlanFileCase, PlanFileCheck, PlanFileDose,
-    PlanFileGrid, PlanFileLowDensity, PlanFileMachine, PlanFilePoints, PlanFileServed, WARNING,
+    PLAN_FILE_VERSION, PlanFile, PlanFileArc, PlanFileArcs, PlanFileCheck, PlanFileMachine, PlanFileServed,
+    WARNING,
 };
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recipe::{Delivery, MethodName, PlannedArcs};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
-use super::super::outcome::{figures_of, objectives};
+use super::super::outcome::{case_of, dose_of, figures_of, objectives};
 use super::super::prepared::volumes_at_gy;
 use super::super::request::Request;
 use crate::exit::Failure;
@@ -149,37 +149,18 @@ impl<'a> ArcOutcome<'a> {
         let params = setup.engine().params();
         let machine = setup.spec.machine.file();
         let fall_off = self.given.fall_off;
+        let searched_by = (params.engine != EngineName::Pencil).then_some(EngineName::Pencil);
         let arc = |beam| PlanFileArc::new(beam, self.collimator, &self.limits);
         Ok(PlanFile {
             version: PLAN_FILE_VERSION,
             stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
             warning: WARNING.to_owned(),
-            case: PlanFileCase {
-                name: setup.case.name().to_owned(),
-                hash: setup.hash.to_string(),
-                provenance: setup.case.provenance().to_owned(),
-            },
+            case: case_of(request),
             prescription: setup.case.prescription().to_vec(),
             fractions: setup.case.fractions(),
             isocentre_mm: setup.case.isocentre_mm(),
             machine: PlanFileMachine { energy_mv: machine.energy_mv, provenance: machine.provenance.clone() },
-            dose: PlanFileDose {
-                grid: PlanFileGrid::from(self.grid()),
-                optimised: Some(PlanFilePoints {
-                    lattice: PlanFileGrid::from(&params.grid),
-                    points: setup.goals.voxels().len(),
-                }),
-                bixel_mm: params.bixels.width_mm,
-                cutoff_mm: params.cutoff_mm,
-                engine: params.engine,
-                searched_by: (params.engine != EngineName::Pencil).then_some(EngineName::Pencil),
-                low_density: Some(PlanFileLowDensity {
-                    bixels: self.low_density.bixels,
-                    crossing: self.low_density.crossing,
-                    longest_mm: self.low_density.longest_mm,
-                    caution: self.caution(request),
-                }),
-            },
+            dose: dose_of(request, self.grid(), searched_by, &self.low_density, self.caution(request)),
             requested: setup.objective_set.structures.iter().map(objectives).collect::<Result<_, _>>()?,
             objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             couch: None,

@@ -21,7 +21,7 @@ pub fn page(request: &Request, notes: &[String], outcome: &ArcOutcome<'_>) -> Re
         section("setup", "Setup", setup::of_arcs(request, notes))?,
         doses(request, outcome)?,
         section("dvh", "Dose-volume histograms", vec![drawn(request, outcome)?])?,
-        limits(request, outcome)?,
+        super::judged(request, &outcome.objectives, &[("arcs", &outcome.judged)], &outcome.judged)?,
         section("arcs", "Arcs", arcs(outcome)?)?,
         figures(outcome)?,
     ];
@@ -96,19 +96,6 @@ fn doses(request: &Request, outcome: &ArcOutcome<'_>) -> Result<Section, Failure
         blocks.push(slices::stack(&dosed, plane)?);
     }
     section("dose", "Dose", blocks)
-}
-
-fn limits(request: &Request, outcome: &ArcOutcome<'_>) -> Result<Section, Failure> {
-    let objectives = parts::objectives(&outcome.objectives).map(Block::Table);
-    let Some(protocol) = request.protocol() else {
-        let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
-        let blocks = std::iter::once(Block::Text(none.to_owned())).chain(objectives).collect();
-        return section("limits", "Limits", blocks);
-    };
-    let caption = format!("Limits of the protocol {}", protocol.name);
-    let all: Vec<_> = outcome.judged.iter().cloned().map(Some).collect();
-    let table = parts::limits(caption, &[("arcs", all.clone())], &[("result", all)]);
-    section("limits", "Limits", std::iter::once(Block::Table(table)).chain(objectives).collect())
 }
 
 fn figures(outcome: &ArcOutcome<'_>) -> Result<Section, Failure> {

@@ -20,6 +20,7 @@ use stillpoint_patient::case::Structure;
 use stillpoint_plan::check::Checked;
 use stillpoint_plan::evaluation::StructureDose;
 use stillpoint_plan::metrics::Dvh;
+use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_report::html;
 use stillpoint_report::page::{Block, Section, Tile};
@@ -168,19 +169,33 @@ fn legend(histograms: &[(&Structure, Dvh)], prescribed_gy: f64) -> String {
 }
 
 fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
-    let objectives = parts::objectives(&outcome.objectives).map(Block::Table);
-    let Some(protocol) = request.protocol() else {
-        let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
-        let blocks = std::iter::once(Block::Text(none.to_owned())).chain(objectives).collect();
-        return section("limits", "Limits", blocks);
-    };
-    let caption = format!("Limits of the protocol {}", protocol.name);
     let (_, _, shown) = shown(outcome);
-    let of = |limits: &'_ [Judged]| limits.iter().cloned().map(Some).collect::<Vec<_>>();
-    let mut values = vec![("planned", of(&outcome.limits))];
-    values.extend(outcome.leaves.as_ref().map(|leaves| ("segments", of(&leaves.limits))));
-    let table = parts::limits(caption, &values, &[("result", of(shown))]);
-    section("limits", "Limits", std::iter::once(Block::Table(table)).chain(objectives).collect())
+    let segments = outcome.leaves.as_ref().map(|leaves| ("segments", &leaves.limits[..]));
+    let values: Vec<_> = std::iter::once(("planned", &outcome.limits[..])).chain(segments).collect();
+    judged(request, &outcome.objectives, &values, shown)
+}
+
+/// The limits of the protocol with the values of some doses, and of which of them the results are; then the objectives.
+fn judged(
+    request: &Request,
+    objectives: &[ObjectiveResult],
+    values: &[(&str, &[Judged])],
+    shown: &[Judged],
+) -> Result<Section, Failure> {
+    let objectives = parts::objectives(objectives).map(Block::Table);
+    let first = match request.protocol() {
+        None => {
+            let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
+            Block::Text(none.to_owned())
+        }
+        Some(protocol) => {
+            let all = |limits: &[Judged]| limits.iter().cloned().map(Some).collect::<Vec<_>>();
+            let values: Vec<_> = values.iter().map(|(name, limits)| (*name, all(limits))).collect();
+            let caption = format!("Limits of the protocol {}", protocol.name);
+            Block::Table(parts::limits(caption, &values, &[("result", all(shown))]))
+        }
+    };
+    section("limits", "Limits", std::iter::once(first).chain(objectives).collect())
 }
 
 fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
