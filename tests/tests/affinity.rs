@@ -80,6 +80,11 @@ fn a_real_time_priority_is_given_or_refused_with_the_limit_that_forbids_it() {
         assert_eq!(scheduling(run.child("seated", 0)), (FIFO, 7));
         assert_eq!(scheduling(run.child("source", 0)).0, 0);
         run.stop().good();
+        // What is granted is granted to who only asks for it, too.
+        let run = bench.run(&pipeline(&bench, "priority: fifo 7 if allowed"));
+        bench.wait_for_samples("sink.sum", 3);
+        assert_eq!(scheduling(run.child("seated", 0)), (FIFO, 7));
+        run.stop().good();
     } else {
         is_refused_with_the_limit(&run.finish());
     }
