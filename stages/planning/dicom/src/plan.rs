@@ -46,7 +46,8 @@ pub struct Beam {
     pub isocentre_mm: [f64; 3],
     /// Share of the plan, as its final cumulative meterset weight. It is no monitor units.
     pub weight: f64,
-    /// Edges of the smallest rectangle around its bixels in the isocentre plane, mm: IEC beam limiting device x, then y.
+    /// Edges of the smallest rectangle around its bixels in the isocentre plane, mm: IEC beam limiting device x, then y. Segments
+    /// have their own.
     pub field_mm: [[f64; 2]; 2],
     /// Its segments, in the order in which they are given; none in a plan without leaves, and none of an arc.
     pub segments: Vec<LeafSegment>,
@@ -81,6 +82,8 @@ pub struct ArcPoint {
 pub struct LeafSegment {
     /// Tips of every leaf pair in the isocentre plane, those at lower x first, mm.
     pub tips_mm: Vec<[f64; 2]>,
+    /// Edges of the jaws in the isocentre plane, mm: IEC beam limiting device x, then y.
+    pub field_mm: [[f64; 2]; 2],
     /// Monitor units in one fraction.
     pub monitor_units: f64,
 }
@@ -263,7 +266,7 @@ fn even(beam: &Beam, machine: &Machine<'_>) -> Result<(f64, Vec<Writer>), Export
     let weight = positive("a weight of a beam", beam.weight)?;
     let mut end = Writer::default();
     end.whole(tags::CONTROL_POINT_INDEX, 1).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[weight]);
-    Ok((weight, vec![start(beam, machine, None)?, end]))
+    Ok((weight, vec![start(beam, beam.field_mm, machine, None)?, end]))
 }
 
 /// Final weight and control points of segments: two for each, between which its monitor units are given. The leaves move
@@ -271,15 +274,24 @@ fn even(beam: &Beam, machine: &Machine<'_>) -> Result<(f64, Vec<Writer>), Export
 fn shot(beam: &Beam, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError> {
     let whole = monitor_units(beam)?;
     let (mut given, mut points) = (0.0, Vec::new());
+    // Jaws that move stand at every control point, jaws that stand still at the first alone.
+    let jaws_move = beam.segments.windows(2).any(|pair| pair[0].field_mm != pair[1].field_mm);
+    let devices = |segment: &LeafSegment| {
+        let mut devices = if jaws_move { jaws(segment.field_mm)? } else { Vec::new() };
+        devices.push(positions(&segment.tips_mm, plan.leaf_edges_mm)?);
+        Ok::<_, ExportError>(devices)
+    };
     for (number, segment) in beam.segments.iter().enumerate() {
-        let leaves = positions(&segment.tips_mm, plan.leaf_edges_mm)?;
         let begin = match number {
-            0 => start(beam, &plan.machine, Some(leaves))?,
+            0 => {
+                let leaves = positions(&segment.tips_mm, plan.leaf_edges_mm)?;
+                start(beam, segment.field_mm, &plan.machine, Some(leaves))?
+            }
             _ => {
                 let mut point = Writer::default();
                 point.whole(tags::CONTROL_POINT_INDEX, 2 * number);
                 point.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[given / whole]);
-                point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, vec![leaves]);
+                point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, devices(segment)?);
                 point
             }
         };
@@ -289,10 +301,7 @@ fn shot(beam: &Beam, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError>
         let mut end = Writer::default();
         end.whole(tags::CONTROL_POINT_INDEX, 2 * number + 1);
         end.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[until]);
-        end.sequence(
-            tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE,
-            vec![positions(&segment.tips_mm, plan.leaf_edges_mm)?],
-        );
+        end.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, devices(segment)?);
         points.extend([begin, end]);
     }
     Ok((1.0, points))
@@ -322,7 +331,7 @@ fn turned(beam: &Beam, arc: &Arc, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>),
         let leaves = positions(&at.tips_mm, plan.leaf_edges_mm)?;
         let gantry_deg = angle("a gantry angle", at.gantry_deg)?;
         let mut point = if number == 0 {
-            let mut point = start(beam, &plan.machine, Some(leaves))?;
+            let mut point = start(beam, beam.field_mm, &plan.machine, Some(leaves))?;
             point.decimals(tags::DOSE_RATE_SET, &[positive("a dose rate", arc.mu_per_min)?]);
             point
         } else {
@@ -364,7 +373,12 @@ fn positions(tips_mm: &[[f64; 2]], edges_mm: &[f64]) -> Result<Writer, ExportErr
 }
 
 /// The control point that places the beam.
-fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<Writer, ExportError> {
+fn start(
+    beam: &Beam,
+    field_mm: [[f64; 2]; 2],
+    machine: &Machine<'_>,
+    leaves: Option<Writer>,
+) -> Result<Writer, ExportError> {
     let mut point = Writer::default();
     point.whole(tags::CONTROL_POINT_INDEX, 0).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[0.0]);
     point.decimals(tags::NOMINAL_BEAM_ENERGY, &[positive("an energy", machine.energy_mv)?]);
@@ -394,8 +408,16 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
         return Err(ExportError::Number { what: "a coordinate of the isocentre", value, why });
     }
     point.decimals(tags::ISOCENTER_POSITION, &beam.isocentre_mm);
+    let mut devices = jaws(field_mm)?;
+    devices.extend(leaves);
+    point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, devices);
+    Ok(point)
+}
+
+/// Where the jaws stand.
+fn jaws(field_mm: [[f64; 2]; 2]) -> Result<Vec<Writer>, ExportError> {
     let mut jaws = Vec::new();
-    for (kind, [low, high]) in ["ASYMX", "ASYMY"].into_iter().zip(beam.field_mm) {
+    for (kind, [low, high]) in ["ASYMX", "ASYMY"].into_iter().zip(field_mm) {
         if !(low < high && low >= -1000.0 && high <= 1000.0) {
             let why = "its edges must rise within 1 m of the axis";
             return Err(ExportError::Number { what: "a width of a field", value: high - low, why });
@@ -405,9 +427,7 @@ fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<W
         jaw.decimals(tags::LEAF_JAW_POSITIONS, &[low, high]);
         jaws.push(jaw);
     }
-    jaws.extend(leaves);
-    point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, jaws);
-    Ok(point)
+    Ok(jaws)
 }
 
 fn angle(what: &'static str, value: f64) -> Result<f64, ExportError> {

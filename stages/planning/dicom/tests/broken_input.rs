@@ -124,7 +124,11 @@ static TREATMENT: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
     let uids = Uids { study: uid(1), series: uid(2), frame_of_reference: uid(3), structure_set: uid(4) };
     let identity = CaseIdentity::none();
     let export = Export { uids: &uids, identity: &identity };
-    let segment = |tip| LeafSegment { tips_mm: vec![[-35.0, tip], [-5.5, 40.0]], monitor_units: 12.5 };
+    let segment = |tip| LeafSegment {
+        tips_mm: vec![[-35.0, tip], [-5.5, 40.0]],
+        field_mm: [[-35.0, 40.0], [-10.0, 10.0]],
+        monitor_units: 12.5,
+    };
     let beam = Beam {
         name: "one".to_owned(),
         gantry_deg: 72.0,

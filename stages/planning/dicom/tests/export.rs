@@ -43,6 +43,7 @@ fn beams() -> Vec<Beam> {
 pub fn shaped_beams() -> Vec<Beam> {
     let segment = |i: usize| LeafSegment {
         tips_mm: vec![[-35.0, -35.0 + 10.0 * i as f64], [-5.5, 40.0]],
+        field_mm: [[-35.0, 40.0], [-10.0 * i.min(1) as f64, 10.0]],
         monitor_units: 12.5 + i as f64 / 3.0,
     };
     beams().into_iter().map(|beam| Beam { segments: (0..3).map(segment).collect(), ..beam }).collect()
@@ -141,6 +142,7 @@ fn what_cannot_be_written_is_refused() {
     assert!(leaves(&|s| s.tips_mm[0] = [5.0, 4.0]).unwrap_err().contains("place of a leaf"));
     assert!(leaves(&|s| s.tips_mm[1] = [f64::NAN; 2]).unwrap_err().contains("place of a leaf"));
     assert!(leaves(&|s| s.tips_mm.truncate(1)).unwrap_err().contains("number of leaf pairs"));
+    assert!(leaves(&|s| s.field_mm[1] = [4.0, -4.0]).unwrap_err().contains("width of a field"));
     assert!(leaves(&|s| s.monitor_units = -1.0).unwrap_err().contains("monitor units"));
     let dose = |grid: &Grid, gray: &[f32]| {
         dose_file(&export, &PlannedDose { grid, gray, plan: &uids.study }).map(|_| ())

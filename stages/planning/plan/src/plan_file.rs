@@ -391,7 +391,7 @@ pub struct PlanFileLeafBeam {
     /// Monitor units in one fraction.
     #[serde(default)]
     pub monitor_units: f64,
-    /// The jaws along x and z, mm.
+    /// The smallest rectangle around the jaws of all segments, along x and z, mm.
     pub field_x_z_mm: [[f64; 2]; 2],
     /// The segments.
     pub segments: Vec<PlanFileSegment>,
@@ -402,6 +402,9 @@ pub struct PlanFileLeafBeam {
 pub struct PlanFileSegment {
     /// Monitor units in one fraction.
     pub monitor_units: f64,
+    /// The jaws along x and z, mm, where they follow each segment; those of the beam where they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field_x_z_mm: Option<[[f64; 2]; 2]>,
     /// Number and tips (mm) of each pair of leaves that is open.
     pub open_pair_from_to_mm: Vec<(usize, f64, f64)>,
 }
@@ -471,8 +474,8 @@ impl PlanFileArcs {
 }
 
 impl PlanFileLeaves {
-    /// Seconds of one fraction: monitor units at the highest dose rate, leaves between segments, and the gantry between beams, which
-    /// does not turn through 180 degrees. Nothing for the beam to go on and off, nor for a couch that turns.
+    /// Seconds of one fraction: monitor units at the highest dose rate, leaves and jaws (as fast as leaves) between segments, and the
+    /// gantry between beams, which does not turn through 180 degrees. Nothing for the beam to go on and off, nor for a couch that turns.
     pub fn seconds(&self, limits: &ArcLimits) -> f64 {
         let mut seconds = 60.0 * self.monitor_units / limits.mu_per_min;
         for beam in &self.beams {
@@ -485,6 +488,7 @@ impl PlanFileLeaves {
                         *tips = [*from, *to];
                     }
                 }
+                tips.extend(segment.field_x_z_mm.unwrap_or(beam.field_x_z_mm));
                 tips
             };
             for pair in beam.segments.windows(2) {
@@ -718,6 +722,7 @@ mod tests {
     fn the_time_of_segments_is_that_of_units_leaves_and_gantry() {
         let segment = |monitor_units, from, to| PlanFileSegment {
             monitor_units,
+            field_x_z_mm: None,
             open_pair_from_to_mm: vec![(40, from, to)],
         };
         let beam = |gantry_deg| PlanFileLeafBeam {

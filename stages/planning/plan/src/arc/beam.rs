@@ -5,7 +5,7 @@ use super::spec::ArcSpec;
 use super::trajectory::Trajectory;
 use super::window::nearest;
 use crate::dose::{ArcLimits, BeamAngles, Collimator, Stretch, farthest_mm};
-use crate::leaves::{LeafBeam, Segment};
+use crate::leaves::Segment;
 use crate::recompute::BeamFluence;
 
 /// How far a tip may move while it counts as standing still, mm.
@@ -133,7 +133,6 @@ impl ArcBeam {
         };
         let [x, z] = self.field_mm;
         let bixels_mm: Vec<[f64; 2]> = centres(x).flat_map(|x| centres(z).map(move |z| [x, z])).collect();
-        let still = LeafBeam { field_mm: self.field_mm, segments: Vec::new() };
         let mix = |a: f64, b: f64, part: f64| a + part * (b - a);
         let at = |part: f64| Segment {
             tips_mm: from
@@ -142,6 +141,7 @@ impl ArcBeam {
                 .zip(&to.tips_mm)
                 .map(|(a, b)| [0, 1].map(|bank| mix(a[bank], b[bank], part)))
                 .collect(),
+            field_mm: self.field_mm,
             weight: 1.0,
         };
         let moments = parts_of(self.travel_mm(number) / parts as f64, MOST_TRAVEL_MM);
@@ -151,7 +151,7 @@ impl ArcBeam {
                 .map(|moment| at((part as f64 + (moment as f64 + 0.5) / moments as f64) / parts as f64))
                 .collect();
             let passed = |place: &[f64; 2]| {
-                let each = segments.iter().map(|segment| still.passed(collimator, segment, *place, width_mm));
+                let each = segments.iter().map(|segment| segment.passed(collimator, *place, width_mm));
                 each.sum::<f64>() / (moments * parts) as f64
             };
             BeamFluence {

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::segment::{LeafBeam, Segment};
+use super::segment::Segment;
 use crate::dose::{BeamAngles, Collimator};
 use crate::recompute::BeamFluence;
 
@@ -130,14 +130,13 @@ impl Direction {
         let along_z = leaves.is_some_and(|leaves| leaves.along_z);
         let Some(Opening { field_mm, edges_mm, tips_mm }) = opening(at, leaves) else { return };
         let collimator = Collimator { leaf_edges_mm: edges_mm, transmission, ..Collimator::generic() };
-        let segment = Segment { tips_mm, weight: 1.0 };
-        let beam = LeafBeam { field_mm, segments: Vec::new() };
+        let segment = Segment { tips_mm, field_mm, weight: 1.0 };
         let steps =
             |[low, high]: [f64; 2]| ((low / width_mm).floor() as i32)..=((high / width_mm).ceil() as i32);
         for u in steps(field_mm[0]) {
             for v in steps(field_mm[1]) {
                 let place = [f64::from(u) * width_mm, f64::from(v) * width_mm];
-                let passed = beam.passed(&collimator, &segment, place, width_mm);
+                let passed = segment.passed(&collimator, place, width_mm);
                 if passed > 0.0 {
                     let key = if along_z { [v, u] } else { [u, v] };
                     *self.weights.entry(key).or_default() += weight * passed;

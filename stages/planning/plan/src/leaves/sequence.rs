@@ -208,7 +208,7 @@ impl<'a> Growing<'a> {
         let mut parts = Vec::with_capacity(segments * self.beam.bixels_mm.len());
         for bixel in self.beam.bixels_mm {
             for at in 0..segments {
-                let passed = |b: &LeafBeam| b.passed(collimator, &b.segments[at], *bixel, self.map.width_mm);
+                let passed = |b: &LeafBeam| b.segments[at].passed(collimator, *bixel, self.map.width_mm);
                 parts.push(beam.as_ref().map_or(0.0, passed) as f32);
             }
         }

@@ -77,7 +77,7 @@ proptest! {
     fn leaves_never_overlap_and_stay_within_their_travel((bixels, weights) in fluence()) {
         let collimator = collimator();
         if let Some((_, beam)) = sequenced(&collimator, &bixels, &weights, 12) {
-            for Segment { tips_mm, weight } in &beam.segments {
+            for Segment { tips_mm, weight, .. } in &beam.segments {
                 prop_assert!(*weight > 0.0 && tips_mm.len() == 80);
                 for [left, right] in tips_mm {
                     prop_assert!(left <= right);
@@ -110,12 +110,36 @@ fn a_row_that_was_divided_by_hand_has_the_least_units_in_two_segments() {
 }
 
 #[test]
+fn jaws_follow_each_segment_as_far_as_they_go_over_the_axis() {
+    let follow = Collimator { jaws_over_axis_mm: Some([20.0, 100.0]), ..Collimator::generic() };
+    // Two islands on one row of leaves' columns: the farther one is beyond what a jaw along x goes over the axis.
+    let (bixels, weights) = (vec![[-50.0, 0.0], [80.0, 40.0], [80.0, 50.0]], vec![1.0, 2.0, 2.0]);
+    let (_, beam) = sequenced(&follow, &bixels, &weights, 2).unwrap();
+    let fields: Vec<_> = beam.segments.iter().map(|segment| segment.field_mm).collect();
+    assert!(fields.contains(&[[20.0, 85.0], [35.0, 55.0]]), "{fields:?}");
+    assert_eq!(beam.field_mm, [[-55.0, 85.0], [-5.0, 55.0]]);
+    // Jaws that stand still are around all of it, and give the same tips and weights.
+    let still = Collimator { jaws_over_axis_mm: None, ..follow.clone() };
+    let (_, whole) = sequenced(&still, &bixels, &weights, 2).unwrap();
+    assert!(whole.segments.iter().all(|segment| segment.field_mm == beam.field_mm));
+    let open = |beam: &LeafBeam| -> Vec<_> { beam.segments.iter().map(|s| (s.tips_mm.clone(), s.weight)).collect() };
+    assert_eq!(open(&whole), open(&beam));
+    // What passes closed leaves is less, what is open is the same.
+    for (follows, stands) in beam.segments.iter().zip(&whole.segments) {
+        for place in &bixels {
+            let [a, b] = [follows, stands].map(|segment| segment.passed(&follow, *place, 10.0));
+            assert!(a == b || (a == 0.0 && b == follow.transmission), "{a} {b}");
+        }
+    }
+}
+
+#[test]
 fn leaves_transmit_between_the_jaws_and_nothing_passes_beside_them() {
     let collimator = Collimator { transmission: 0.1, ..Collimator::generic() };
     let (bixels, weights) = (vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], vec![1.0, 1.0, 1.0]);
     let (_, beam) = sequenced(&collimator, &bixels, &weights, 1).unwrap();
     assert_eq!((beam.field_mm, beam.segments.len()), ([[-5.0, 15.0], [-5.0, 15.0]], 1));
-    let passed = |place| beam.passed(&collimator, &beam.segments[0], place, 10.0);
+    let passed = |place| beam.segments[0].passed(&collimator, place, 10.0);
     for (place, expected) in [
         ([0.0, 0.0], 1.0),
         ([10.0, 10.0], 1.0),

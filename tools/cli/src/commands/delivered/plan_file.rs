@@ -130,10 +130,12 @@ fn fluences(leaves: &PlanFileLeaves, bixel_mm: f64, fractions: u32) -> Result<Ve
             let tips = tips_mm.get_mut(*pair).ok_or(LeavesFault::Pair(*pair))?;
             *tips = [*low, *high];
         }
-        Ok::<_, LeavesFault>(Segment { tips_mm, weight: shape.monitor_units * weight_of_unit })
+        let field_mm = shape.field_x_z_mm.unwrap_or(beam.field_x_z_mm);
+        Ok::<_, LeavesFault>(Segment { tips_mm, field_mm, weight: shape.monitor_units * weight_of_unit })
     };
     let fluence = |beam: &PlanFileLeafBeam| {
-        if beam.field_x_z_mm.iter().flatten().any(|mm| mm.abs() > MOST_MM) {
+        let fields = beam.segments.iter().filter_map(|segment| segment.field_x_z_mm);
+        if fields.chain([beam.field_x_z_mm]).flatten().flatten().any(|mm| mm.abs() > MOST_MM) {
             return Err(LeavesFault::Field);
         }
         let segments: Result<Vec<Segment>, LeavesFault> =

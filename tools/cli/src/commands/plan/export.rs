@@ -67,6 +67,7 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
         let angles = request.setup.directions.angles(*number);
         let segment = |segment: &Segment| LeafSegment {
             tips_mm: segment.tips_mm.clone(),
+            field_mm: segment.field_mm,
             monitor_units: leaves.monitor_units(segment.weight),
         };
         Beam {

@@ -112,10 +112,11 @@ impl<'a> Leaves<'a> {
     pub fn file(&self, request: &Request, run: &PlanRun) -> PlanFileLeaves {
         let [opaque, loss] = self.losses();
         let (segments, monitor_units) = self.totals();
-        let segment = |segment: &Segment| {
+        let segment = |segment: &Segment, field_mm: [[f64; 2]; 2]| {
             let open = segment.tips_mm.iter().enumerate().filter(|(_, [low, high])| low < high);
             PlanFileSegment {
                 monitor_units: self.monitor_units(segment.weight),
+                field_x_z_mm: (segment.field_mm != field_mm).then_some(segment.field_mm),
                 open_pair_from_to_mm: open.map(|(pair, [low, high])| (pair, *low, *high)).collect(),
             }
         };
@@ -124,7 +125,7 @@ impl<'a> Leaves<'a> {
             couch_deg: request.setup.directions.angles(*number).couch_deg,
             monitor_units: self.beam_units(beam),
             field_x_z_mm: beam.field_mm,
-            segments: beam.segments.iter().map(segment).collect(),
+            segments: beam.segments.iter().map(|one| segment(one, beam.field_mm)).collect(),
         };
         PlanFileLeaves {
             collimator: self.collimator.clone(),

@@ -66,10 +66,14 @@ fn prescription(request: &Request, searched_by: Option<EngineName>) -> Table {
         "leaves",
         match request.collimator() {
             Some(leaves) => format!(
-                "{} pairs, transmission {} %, at least {} monitor units a segment",
+                "{} pairs, transmission {} %, at least {} monitor units a segment, {}",
                 leaves.pairs(),
                 100.0 * leaves.transmission,
-                leaves.least_mu
+                leaves.least_mu,
+                match leaves.jaws_over_axis_mm {
+                    Some(_) => "jaws that follow each segment",
+                    None => "jaws that stand still in a beam",
+                }
             ),
             None => "none: the fluence is not sequenced".to_owned(),
         },
