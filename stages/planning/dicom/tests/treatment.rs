@@ -58,7 +58,10 @@ fn a_plan_that_was_exported_is_read_back_segment_by_segment() {
             assert!((share - segment.monitor_units / units).abs() < 1e-9);
             for point in pair {
                 assert_eq!(point.tips_mm, segment.tips_mm);
-                assert_eq!((point.jaws_mm, point.gantry_deg), (segment.field_mm.map(Some), wanted.gantry_deg));
+                assert_eq!(
+                    (point.jaws_mm, point.gantry_deg),
+                    (segment.field_mm.map(Some), wanted.gantry_deg)
+                );
                 assert_eq!((point.collimator_deg, point.couch_deg), (0.0, wanted.couch_deg));
             }
         }

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::ahead::Group;
 use super::ring::{BeamSet, Ring};
 use super::second::{Answer, SecondPlayer};
-use super::solver::{Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
+use super::solver::{COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
 use crate::dose::{BeamFile, CachedBeam};
 use crate::fluence::{Goals, GoalsError, Plan};
 use crate::threads::on_threads;
@@ -187,6 +187,20 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     pub fn with_tolerance(mut self, tolerance: f64) -> Result<Self, ToleranceError> {
         self.tolerance = checked_tolerance(tolerance)?;
         Ok(self)
+    }
+
+    /// Solves each set as coarsely as counts as a solve: for sets that are solved again.
+    #[must_use]
+    pub(crate) fn coarse(mut self) -> Self {
+        self.tolerance = COARSEST_TOLERANCE;
+        self
+    }
+
+    /// Solves each set to [`SOLVE_TOLERANCE`].
+    #[must_use]
+    pub(crate) fn fine(mut self) -> Self {
+        self.tolerance = SOLVE_TOLERANCE;
+        self
     }
 
     /// Solves and prices by this solver instead of on threads of this process. The results are the same.

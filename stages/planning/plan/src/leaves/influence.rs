@@ -1,6 +1,11 @@
 //! The dose of segments from that of bixels.
 
+use std::sync::Arc;
+
 use crate::{Rows, RowsError, Setups};
+
+/// Dose of one segment by row, per unit of its weight.
+pub type SegmentDose = Arc<[f32]>;
 
 /// What passes each segment, bixel by bixel.
 pub struct Passed {
@@ -9,26 +14,34 @@ pub struct Passed {
     pub parts: Vec<f32>,
 }
 
-/// The dose of the segments, per unit of their weights: of the dose matrices of bixels, in all set-ups, these rows; the
-/// others have none.
-pub fn of_segments(bixels: &Setups<'_>, rows: &[u32], passed: &Passed) -> Result<Rows, RowsError> {
+/// The dose of each segment to these rows of the dose matrices of bixels, in all set-ups.
+pub fn of_segments(bixels: &Setups<'_>, rows: &[u32], passed: &Passed) -> Vec<SegmentDose> {
     let count = passed.segments;
+    let mut doses = vec![Vec::with_capacity(rows.len()); count];
     let mut sums = vec![0.0_f64; count];
-    let mut requested = rows.iter().copied().peekable();
-    let entries = (0..bixels.rows()).map(|row| {
-        if requested.next_if_eq(&(row as u32)).is_none() {
-            return Vec::new();
-        }
+    for row in rows {
         sums.fill(0.0);
-        let (columns, values) = bixels.row(row);
+        let (columns, values) = bixels.row(*row as usize);
         for (column, value) in columns.iter().zip(values) {
             let at = usize::from(*column) * count;
             for (sum, part) in sums.iter_mut().zip(&passed.parts[at..at + count]) {
                 *sum += f64::from(*value) * f64::from(*part);
             }
         }
-        let lit = sums.iter().enumerate().filter(|(_, sum)| **sum > 0.0);
-        lit.map(|(segment, sum)| (segment as u16, *sum as f32)).collect()
+        doses.iter_mut().zip(&sums).for_each(|(dose, sum)| dose.push(*sum as f32));
+    }
+    doses.into_iter().map(Arc::from).collect()
+}
+
+/// These doses as a matrix with a column for each segment. It has `count` rows; those that are not in `rows` have no dose.
+pub fn side_by_side(doses: &[SegmentDose], rows: &[u32], count: usize) -> Result<Rows, RowsError> {
+    let mut requested = rows.iter().copied().enumerate().peekable();
+    let entries = (0..count).map(|row| match requested.next_if(|(_, wanted)| *wanted as usize == row) {
+        Some((at, _)) => {
+            let of = doses.iter().enumerate().map(|(segment, dose)| (segment as u16, dose[at]));
+            of.filter(|(_, gray)| *gray > 0.0).collect()
+        }
+        None => Vec::new(),
     });
-    Rows::from_rows(count, entries)
+    Rows::from_rows(doses.len(), entries)
 }

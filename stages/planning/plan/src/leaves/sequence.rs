@@ -1,10 +1,10 @@
 //! Leaf sequencing of the beams of a plan.
 
 use super::engel::{Shape, divide};
-use super::influence::{Passed, of_segments};
+use super::influence::{Passed, SegmentDose, of_segments, side_by_side};
 use super::map::{LeafMap, LeavesError};
 use super::price::{slopes, steepest};
-use super::segment::LeafBeam;
+use super::segment::{LeafBeam, Segment};
 use crate::dose::Collimator;
 use crate::fluence::{Goals, Options, Plan, solve_plan};
 use crate::{Rows, RowsError, Setups};
@@ -70,6 +70,8 @@ struct Growing<'a> {
     beam: &'a FluenceBeam<'a>,
     map: LeafMap,
     shapes: Vec<(f64, Shape)>,
+    /// Doses that were computed last, with their segment (of weight 1) and the transmission of the leaves.
+    doses: Vec<(f64, Segment, SegmentDose)>,
 }
 
 /// The fluences as segments of the collimator; `objective` is that of the fluences.
@@ -175,7 +177,7 @@ impl<'a> Growing<'a> {
         let shapes = divide(&levels.levels, levels.columns);
         let shapes =
             shapes.into_iter().map(|(units, shape)| (f64::from(units) * levels.unit, shape)).collect();
-        Ok(Self { beam, map, shapes })
+        Ok(Self { beam, map, shapes, doses: Vec::new() })
     }
 
     /// Adds the segment of the steepest slope, at weight 0; false where none lessens the objective or there are enough.
@@ -201,18 +203,37 @@ impl<'a> Growing<'a> {
         before - self.shapes.len()
     }
 
-    /// Dose of its segments by weight.
-    fn doses(&self, goals: &Goals, collimator: &Collimator) -> Result<Rows, RowsError> {
-        let segments = self.shapes.len();
+    /// Dose of its segments by weight. Segments that stand where they stood keep their dose.
+    fn doses(&mut self, goals: &Goals, collimator: &Collimator) -> Result<Rows, RowsError> {
         let beam = LeafBeam::new(collimator, &self.map, &self.shapes);
-        let mut parts = Vec::with_capacity(segments * self.beam.bixels_mm.len());
+        // Without a beam no shape opens anything, and there are none.
+        let segments = beam.map_or_else(Vec::new, |beam| beam.segments);
+        let segments: Vec<Segment> = segments.into_iter().map(|s| Segment { weight: 1.0, ..s }).collect();
+        let before = std::mem::take(&mut self.doses);
+        let known = |segment: &Segment| {
+            let mut of_same = before.iter().filter(|(through, ..)| *through == collimator.transmission);
+            of_same.find(|(_, other, _)| other == segment).map(|(.., dose)| dose.clone())
+        };
+        let doses: Vec<Option<SegmentDose>> = segments.iter().map(known).collect();
+        let new: Vec<&Segment> = segments
+            .iter()
+            .zip(&doses)
+            .filter(|(_, dose)| dose.is_none())
+            .map(|(segment, _)| segment)
+            .collect();
+        let mut parts = Vec::with_capacity(new.len() * self.beam.bixels_mm.len());
         for bixel in self.beam.bixels_mm {
-            for at in 0..segments {
-                let passed = |b: &LeafBeam| b.segments[at].passed(collimator, *bixel, self.map.width_mm);
-                parts.push(beam.as_ref().map_or(0.0, passed) as f32);
-            }
+            parts.extend(new.iter().map(|s| s.passed(collimator, *bixel, self.map.width_mm) as f32));
         }
-        of_segments(&self.beam.doses, goals.voxels(), &Passed { segments, parts })
+        let passed = Passed { segments: new.len(), parts };
+        let mut computed = of_segments(&self.beam.doses, goals.voxels(), &passed).into_iter();
+        let doses: Vec<SegmentDose> =
+            doses.into_iter().filter_map(|dose| dose.or_else(|| computed.next())).collect();
+        let joined = side_by_side(&doses, goals.voxels(), self.beam.doses.rows());
+        let kept =
+            segments.into_iter().zip(doses).map(|(segment, dose)| (collimator.transmission, segment, dose));
+        self.doses = kept.collect();
+        joined
     }
 }
 
@@ -223,7 +244,7 @@ fn solved(
     collimator: &Collimator,
 ) -> Result<Plan, LeavesError> {
     let matrices: Result<Vec<Rows>, RowsError> =
-        growing.iter().flatten().map(|beam| beam.doses(goals, collimator)).collect();
+        growing.iter_mut().flatten().map(|beam| beam.doses(goals, collimator)).collect();
     let matrices = matrices?;
     let setups: Vec<Setups<'_>> = matrices.iter().map(|m| m.view().into()).collect();
     let start: Vec<f64> =

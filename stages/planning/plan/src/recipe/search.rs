@@ -11,7 +11,7 @@ use crate::beams::{
     BeamSet, Budget, Choice, ChoiceError, Directions, Evaluator, Influence, Method, Mixture, Prior, Progress,
     Ring, RingDoses, RingError, SecondPlayer, choose, set_of_prior,
 };
-use crate::dose::BeamAngles;
+use crate::dose::{BeamAngles, EngineName};
 
 /// What a trained network says of a case.
 pub trait LearnedBeams: fmt::Debug + Send + Sync {
@@ -133,7 +133,11 @@ impl PlanSearch {
     ) -> Evaluator<'a, I> {
         let budget = Budget { solves: self.budget };
         let evaluator = Evaluator::new(influence, &setup.goals, self.directions.ring(), self.beams, budget);
-        evaluator.with_threads(self.threads).with_leaves(self.leaves)
+        let evaluator = evaluator.with_threads(self.threads).with_leaves(self.leaves);
+        // One set by superposition is solved again on corrected columns, which move its optimum by more than this.
+        let is_settled = setup.engine_name() != EngineName::Pencil
+            && matches!(&self.method, Method::Sets(sets) if sets.len() == 1);
+        if is_settled { evaluator.coarse() } else { evaluator }
     }
 
     /// The search whose only set are all beams of these directions.

@@ -58,7 +58,7 @@ impl PlanSearch {
             let solved = {
                 let second = doses.second_player(setup);
                 let last = self.of_beams(&best.beams);
-                let mut evaluator = last.evaluator(setup, &doses, second.as_ref());
+                let mut evaluator = last.evaluator(setup, &doses, second.as_ref()).fine();
                 evaluator.evaluate(&best.beams, Some(best)).map_err(ChoiceError::Stop)?
             };
             run.choice = Choice { best: solved, ..run.choice };

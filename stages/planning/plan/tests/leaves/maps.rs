@@ -122,7 +122,8 @@ fn jaws_follow_each_segment_as_far_as_they_go_over_the_axis() {
     let still = Collimator { jaws_over_axis_mm: None, ..follow.clone() };
     let (_, whole) = sequenced(&still, &bixels, &weights, 2).unwrap();
     assert!(whole.segments.iter().all(|segment| segment.field_mm == beam.field_mm));
-    let open = |beam: &LeafBeam| -> Vec<_> { beam.segments.iter().map(|s| (s.tips_mm.clone(), s.weight)).collect() };
+    let open =
+        |beam: &LeafBeam| -> Vec<_> { beam.segments.iter().map(|s| (s.tips_mm.clone(), s.weight)).collect() };
     assert_eq!(open(&whole), open(&beam));
     // What passes closed leaves is less, what is open is the same.
     for (follows, stands) in beam.segments.iter().zip(&whole.segments) {
