@@ -19,6 +19,8 @@
 //! - [`sensor`]: from a view to the depth image that a camera would give
 //! - [`involuntary`]: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
+//! - [`phantom`]: a phantom in place of the head, which moves by known steps and ramps
+//! - `phantom_params`: what a config may say of it
 //! - [`person`]: a neck of skin, a chest that breathes, a face that moves
 //! - `camera_view`: all that makes an image, as one
 //! - `operator`, `rig.camera`
@@ -35,6 +37,8 @@ mod normal;
 mod operator;
 pub mod patient;
 pub mod person;
+pub mod phantom;
+mod phantom_params;
 mod quadric;
 pub mod ray;
 pub mod render;

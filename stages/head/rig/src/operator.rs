@@ -2,12 +2,16 @@
 
 use nalgebra::Isometry3;
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
-use stillpoint_operator::{AdoptError, FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
+use stillpoint_operator::{
+    AdoptError, FrameRule, Kind, Output, ParamConflict, Role, SetupError, StepError, Timer,
+};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
 use crate::camera_view::{
-    COUCH, CameraView, ExpressionParams, ImageParams, Living, Neck, Noise, Setting, exact_pose,
+    COUCH, CameraView, ExpressionParams, ImageParams, Living, Neck, Noise, Setting, exact_pose, refusal,
 };
+use crate::phantom::Phantom;
+use crate::phantom_params::{self, PhantomParams};
 use crate::setting;
 use crate::trajectory::{self, Trajectory};
 
@@ -61,6 +65,8 @@ pub struct CameraParams {
     pub neck: Neck,
     /// Expressions of the face and their times.
     pub expressions: Option<Vec<ExpressionParams>>,
+    /// Moves of a phantom in place of the head, in the order of their times. With it, `motion` has no effect.
+    pub phantom: Option<Vec<PhantomParams>>,
 }
 
 impl CameraParams {
@@ -76,6 +82,8 @@ pub struct Camera {
     script: Trajectory,
     /// Where the head lies without motion.
     rest: Isometry3<f64>,
+    /// What lies there in place of the head.
+    phantom: Option<Phantom>,
     /// Time of the first activation, ns: the script's zero.
     begin: Option<u64>,
 }
@@ -104,6 +112,10 @@ impl Operator for Camera {
         timer: Timer::Required,
     };
 
+    fn validate(params: &CameraParams) -> Result<(), ParamConflict> {
+        phantom_params::check(params.phantom.as_deref())
+    }
+
     fn new(params: CameraParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let rest = setting::Setting::from(params.setting).rest(params.head_scale);
         let living =
@@ -112,6 +124,7 @@ impl Operator for Camera {
             camera_view: CameraView::new(&params.image(), params.setting, params.head_scale, &living, setup)?,
             script: Trajectory::new(params.motion.into(), params.seed, rest),
             rest,
+            phantom: phantom_params::phantom(params.phantom.as_deref()).map_err(refusal)?,
             begin: None,
         })
     }
@@ -128,8 +141,12 @@ impl Operator for Camera {
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let begin = *self.begin.get_or_insert(activation.time);
-        let seconds = activation.time.saturating_sub(begin) as f64 * 1e-9;
-        let couch_from_head = self.script.couch_from_head(seconds);
+        let now = activation.time.saturating_sub(begin);
+        let seconds = now as f64 * 1e-9;
+        let couch_from_head = match &self.phantom {
+            Some(phantom) => phantom.couch_from_head(now, &self.rest),
+            None => self.script.couch_from_head(seconds),
+        };
         self.camera_view.send(&couch_from_head, seconds, activation, outputs, DEPTH)?;
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))
     }

@@ -18,7 +18,8 @@ use super::params::BladderParams;
 use super::rigs;
 use super::simulation::{Mobility, Rig};
 use crate::camera_view::{COUCH, CameraView, Living, exact_pose, refusal};
-use crate::setting;
+use crate::phantom::Phantom;
+use crate::{phantom_params, setting};
 
 const DUTIES: usize = 0;
 const FAULT: usize = 1;
@@ -42,6 +43,8 @@ pub struct BladderRig<const RIG: usize> {
     camera_view: CameraView,
     /// Where the head is seen at the start.
     rest: Isometry3<f64>,
+    /// What lies there in place of the head.
+    phantom: Option<Phantom>,
     /// Ticks of the timer from one image to the next.
     ticks_per_image: u64,
     lost: f64,
@@ -116,7 +119,8 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
     fn validate(params: &BladderParams) -> Result<(), ParamConflict> {
         params
             .check_faults(RIGS[RIG].bladders())
-            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why.to_string())))
+            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why.to_string())))?;
+        phantom_params::check(params.phantom.as_deref())
     }
 
     fn validate_period(params: &BladderParams, every: u64) -> Result<(), ParamConflict> {
@@ -155,6 +159,7 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
                 setup,
             )?,
             rest,
+            phantom: phantom_params::phantom(params.phantom.as_deref()).map_err(refusal)?,
             ticks_per_image: params.camera.every / every.max(1),
             lost: params.camera.lost,
             every,
@@ -195,7 +200,10 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         outputs.lap(PLANT_LAP);
         // A camera measures now, however old the duties are that moved the head.
         outputs.acquired_at(activation.time);
-        let couch_from_head = self.rig.couch_from_head(&self.rest);
+        let couch_from_head = match &self.phantom {
+            Some(phantom) => phantom.couch_from_head(now, &self.rest),
+            None => self.rig.couch_from_head(&self.rest),
+        };
         let tick = activation.tick.saturating_sub(first_tick);
         if tick >= self.next_image {
             self.next_image = (tick / self.ticks_per_image + 1) * self.ticks_per_image;

@@ -10,6 +10,7 @@ use super::safety;
 use super::simulation::{Push, Surroundings};
 use crate::camera_view::{ExpressionParams, ImageParams, Neck, Noise, Setting, refusal};
 use crate::involuntary::{Habit, Involuntary};
+use crate::phantom_params::PhantomParams;
 
 /// What the person does without wanting to.
 #[derive(Clone, Copy, Debug, Choice)]
@@ -184,6 +185,9 @@ pub struct BladderParams {
     pub plant_step: u64,
     /// Pushes by the hand of another person.
     pub pushes: Option<Vec<PushParams>>,
+    /// Moves of a phantom in place of the head, in the order of their times. With it, no bladder moves what the camera
+    /// sees, and `truth` is the pose of the phantom.
+    pub phantom: Option<Vec<PhantomParams>>,
     /// Faults and their times.
     pub faults: Option<Vec<FaultParams>>,
 }
