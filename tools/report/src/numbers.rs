@@ -62,7 +62,7 @@ pub fn started(session: &Session) -> Option<String> {
 }
 
 /// A moment, ns since 1970, as a date and a time of day in UTC.
-fn utc(ns: u64) -> String {
+pub fn utc(ns: u64) -> String {
     let seconds = ns / 1_000_000_000;
     let (days, of_day) = ((seconds / 86_400) as i64, seconds % 86_400);
     // Days from civil, the other way round: years of 400 years' cycles that begin in March.

@@ -21,13 +21,18 @@
 //! - [`aim`], `lease`: errors against tolerances; the lease of the beam
 //! - `sender`: the sending end of datagrams
 //!
-//! And [`mod@operators`]: `actuate.valves`, `gate.beam` and `actuate.far_end`.
+//! What is found when a rig is new, plain:
+//! - [`sequence`]: which valve is open when
+//! - [`commissioning`]: dead bands, volumes, supply and leaks from the readings
+//!
+//! And [`mod@operators`]: `actuate.valves`, `gate.beam`, `actuate.far_end` and `actuate.commission`.
 
 #![forbid(unsafe_code)]
 
 pub mod acknowledgement;
 pub mod aim;
 mod answer;
+pub mod commissioning;
 pub mod datagram;
 mod drift;
 mod drive;
@@ -46,6 +51,7 @@ pub mod receiver;
 mod refusal;
 mod sealed;
 mod sender;
+pub mod sequence;
 mod shaping;
 
 pub use datagram::{EncodeError, LONGEST, decode, encode};
@@ -62,4 +68,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operators::ActuateValves>(),
     Stage::of::<operators::GateBeam>(),
     Stage::of::<operators::ActuateFarEnd>(),
+    Stage::of::<operators::ActuateCommission>(),
 ];

@@ -51,13 +51,41 @@ pub struct PressureParams {
     pub discharge: f64,
 }
 
+/// A bladder whose volume is linear in its pressure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compliance {
+    /// Volume at the room's pressure, m3.
+    pub volume: f64,
+    /// Pressure above that of the room at which it has twice that volume, Pa.
+    pub doubles_at: f64,
+}
+
+impl Compliance {
+    /// Air in the bladder at a pressure above that of the room (Pa), kg.
+    #[must_use]
+    pub fn mass(&self, gauge: f64) -> f64 {
+        Air::ROOM.mass(gauge, self.volume * (1.0 + gauge / self.doubles_at))
+    }
+
+    /// Pressure above that of the room with this much air (kg), Pa; 0 for less air than it holds at the room's pressure.
+    #[must_use]
+    pub fn gauge(&self, mass: f64) -> f64 {
+        let air = Air::ROOM;
+        // g^2 / D + (1 + P_atm / D) g - (m R_s T / V0 - P_atm) = 0
+        let excess = mass * air.specific_energy() / self.volume - air.atmosphere;
+        let half = 0.5 * (self.doubles_at + air.atmosphere);
+        // The root without a difference of large numbers; the exact one for no excess is zero.
+        let product = self.doubles_at * excess.max(0.0);
+        product / (half + (half * half + product).sqrt())
+    }
+}
+
 /// Estimates the pressure in each bladder. It does not allocate.
 #[derive(Clone, Debug)]
 pub struct PressureEstimator {
     law: Orifice,
     valves: Valves,
-    volume: f64,
-    doubles_at: f64,
+    bladder: Compliance,
     limit: f64,
     taper: f64,
     /// Air in each bladder, kg.
@@ -79,8 +107,7 @@ impl PressureEstimator {
         let mut estimator = Self {
             law: Orifice::new(&air),
             valves,
-            volume: params.volume,
-            doubles_at: params.doubles_at,
+            bladder: Compliance { volume: params.volume, doubles_at: params.doubles_at },
             limit: params.limit,
             taper: params.taper,
             mass: [0.0; BLADDERS],
@@ -96,8 +123,7 @@ impl PressureEstimator {
         if let Some(mass) = self.mass.get_mut(bladder)
             && gauge.is_finite()
         {
-            let gauge = gauge.max(0.0);
-            *mass = Air::ROOM.mass(gauge, self.volume * (1.0 + gauge / self.doubles_at));
+            *mass = self.bladder.mass(gauge.max(0.0));
         }
     }
 
@@ -127,7 +153,7 @@ impl PressureEstimator {
         }
         let steps = libm::ceil(seconds / STEP).clamp(1.0, STEPS);
         let dt = (seconds / steps).min(STEP);
-        let least = Air::ROOM.mass(0.0, self.volume);
+        let least = self.bladder.mass(0.0);
         for _ in 0..steps as usize {
             for (bladder, pair) in openings.chunks_exact(2).take(BLADDERS).enumerate() {
                 let inside = Air::ROOM.atmosphere + self.pressure(bladder);
@@ -142,14 +168,7 @@ impl PressureEstimator {
     /// Pressure in a bladder above that of the room, Pa; 0 for a bladder that does not exist.
     #[must_use]
     pub fn pressure(&self, bladder: usize) -> f64 {
-        let Some(mass) = self.mass.get(bladder) else { return 0.0 };
-        let air = Air::ROOM;
-        // g^2 / D + (1 + P_atm / D) g - (m R_s T / V0 - P_atm) = 0
-        let excess = mass * air.specific_energy() / self.volume - air.atmosphere;
-        let half = 0.5 * (self.doubles_at + air.atmosphere);
-        // The root without a difference of large numbers; the exact one for no excess is zero.
-        let product = self.doubles_at * excess.max(0.0);
-        product / (half + (half * half + product).sqrt())
+        self.mass.get(bladder).map_or(0.0, |mass| self.bladder.gauge(*mass))
     }
 
     /// How far the inlet of a bladder may be open: 1 well below the limit, 0 at it.

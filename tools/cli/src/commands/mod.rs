@@ -24,6 +24,7 @@ mod new;
 mod operators;
 mod plan;
 mod ps;
+mod qa;
 mod reach;
 mod recover;
 pub mod replay;
@@ -118,6 +119,8 @@ pub enum Command {
     Stop(stop::Stop),
     /// Place a depth camera over the couch, and check its depth, from recorded images.
     Calibrate(calibrate::Calibrate),
+    /// Check a system by a phantom of known motion, and find what its valves and bladders are.
+    Qa(qa::Qa),
     /// List the types of samples, or describe one.
     Types(types::Types),
     /// Import, generate and show the patients of plans.
@@ -184,6 +187,7 @@ impl Command {
             Self::Dose(c) => c.execute(),
             Self::Machine(c) => c.execute(),
             Self::Calibrate(c) => c.execute(),
+            Self::Qa(c) => c.execute(registry),
             Self::Delivered(c) => c.execute(registry),
             Self::Worker(_) | Self::Pool(_) | Self::Router(_) | Self::Pki(_) => bridge::hand_over(),
             Self::Bench(c) => c.execute(),

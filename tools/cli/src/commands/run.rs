@@ -73,7 +73,7 @@ pub struct Run {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Clock {
+pub enum Clock {
     /// The clock of the machine and the arrival of samples; operators run in processes.
     Live,
     /// Discrete events in this process, as fast as possible.
@@ -99,6 +99,29 @@ impl Run {
         json: bool,
     ) -> Self {
         Self { pipeline, length, host: Some(host.to_owned()), record, no_record, json, ..Self::default() }
+    }
+
+    /// A run of a pipeline that another command evaluates: it records into `folder`, and prints nothing at its end.
+    pub fn recording(folder: PathBuf, clock: Clock, json: bool) -> Self {
+        Self { record: folder, clock: Some(clock), json, ..Self::default() }
+    }
+
+    /// Runs a checked pipeline for `length` ns of session time. Gives the session and the report.
+    pub fn record_checked(
+        &self,
+        registry: &Registry,
+        checked: &Checked,
+        length: u64,
+    ) -> Result<(PathBuf, RunReport), Failure> {
+        let session = next_session(&self.session_folder(), checked)?;
+        let report = if self.is_live() {
+            self.live(registry, checked, Some(length), Some(&session))?.0
+        } else {
+            let stop = stop_flag_of_this_process()?;
+            let recorded = Some((session.as_path(), self.compression.into()));
+            simulate(checked, Place::Local, length, recorded, stop, !self.json)?.0
+        };
+        Ok((session, report))
     }
 
     /// Executes the subcommand.

@@ -22,6 +22,7 @@ mod new;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod plan;
+mod qa;
 mod queue;
 mod reach;
 mod recalculate;

@@ -5,8 +5,10 @@
 //! - `params`: parameters that both share
 //! - `beam`: `gate.beam`, the lease of the beam; `limits`: those of its limits that change while it runs
 //! - `far_end`: `actuate.far_end`, datagrams to duties
+//! - `commission`: `actuate.commission`, the guided sequence that finds what valves and bladders are
 
 mod beam;
+mod commission;
 mod far_end;
 mod limits;
 mod params;
@@ -14,6 +16,7 @@ mod valves;
 mod watch;
 
 pub use beam::{BeamParams, GateBeam};
+pub use commission::{ActuateCommission, CommissionParams, READINGS};
 pub use far_end::{ActuateFarEnd, FarEndParams};
 pub use params::FreshnessParams;
 pub use valves::{ActuateValves, ValvesParams};
