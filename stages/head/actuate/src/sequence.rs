@@ -1,7 +1,7 @@
 //! The guided sequence of commissioning: which valve is open when, by the measured pressures.
 //!
-//! One bladder after the other is filled, held, pulsed at two levels of pressure through each valve at several duties, and
-//! brought back to the pressure of its start. The other valves stay shut.
+//! One bladder after the other is filled a little, held, pulsed through each valve at several duties, and brought back to the
+//! pressure of its start. The other valves stay shut. A head that lies on the bladders moves by some millimetres.
 
 /// A valve of a bladder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,8 +36,8 @@ pub enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceParams {
     pub bladders: usize,
-    /// Levels of pressure above that of the room at which pulses are made, Pa: low and high.
-    pub levels: [f64; 2],
+    /// How far the pressure of a bladder is raised from that of its start, Pa.
+    pub rise: f64,
     /// Pressure above that of the room at which the sequence stops, Pa.
     pub limit: f64,
     /// Time for which a bladder is held, s.
@@ -52,15 +52,17 @@ pub const DUTIES: [f64; 5] = [1.0, 0.5, 0.3, 0.2, 0.14];
 const PULSE: f64 = 0.06;
 /// Longest time in which a level is to be reached, s.
 const REACH: f64 = 4.0;
-/// Part of the longest time after which a bladder whose pressure has not moved is left, s, and that motion, Pa.
+/// Time after which a valve by which the pressure has not moved is left, s, and that motion, Pa.
 const MOVES_WITHIN: f64 = 1.0;
 const MOVES: f64 = 300.0;
+/// How often the pulses are repeated.
+const REPEATS: usize = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
     Settle(f64),
-    /// To a level, Pa.
-    Reach(f64),
+    /// To the pressure of the start and the rise.
+    Rise,
     /// Back to the pressure of the start.
     Return,
     Hold(f64),
@@ -100,21 +102,13 @@ impl Sequence {
     /// The steps of a bladder.
     fn steps(params: &SequenceParams) -> impl Iterator<Item = Step> {
         let settle = params.settle;
-        let pulses = move || {
-            DUTIES.into_iter().flat_map(move |duty| {
-                [Port::Outlet, Port::Inlet]
-                    .into_iter()
-                    .flat_map(move |port| [Step::Pulse(port, duty), Step::Settle(settle)])
-            })
-        };
-        let to = move |level: f64| [Step::Reach(level), Step::Settle(2.0 * settle)];
-        let [low, high] = params.levels;
-        std::iter::once(Step::Settle(2.0 * settle))
-            .chain(to(high))
-            .chain([Step::Hold(params.hold)])
-            .chain(pulses())
-            .chain(to(low))
-            .chain(pulses())
+        let pulses = (0..REPEATS).flat_map(|_| DUTIES).flat_map(move |duty| {
+            let pulse = move |port| [Step::Pulse(port, duty), Step::Settle(settle)];
+            [Port::Outlet, Port::Inlet].into_iter().flat_map(pulse)
+        });
+        [Step::Settle(2.0 * settle), Step::Rise, Step::Settle(2.0 * settle), Step::Hold(params.hold)]
+            .into_iter()
+            .chain(pulses)
             .chain([Step::Return, Step::Settle(settle)])
     }
 
@@ -123,7 +117,7 @@ impl Sequence {
     pub fn longest(params: &SequenceParams) -> f64 {
         let time = |step: Step| match step {
             Step::Settle(time) | Step::Hold(time) => time,
-            Step::Reach(_) | Step::Return => REACH,
+            Step::Rise | Step::Return => REACH,
             Step::Pulse(_, duty) => PULSE / duty,
         };
         params.bladders as f64 * Self::steps(params).map(time).sum::<f64>()
@@ -166,7 +160,7 @@ impl Sequence {
                     bladder,
                     open: Some((port, duty)),
                 }),
-                Step::Reach(level) => self.reach(passed, *pressure, level),
+                Step::Rise => self.reach(passed, *pressure, self.start + self.params.rise),
                 Step::Return => self.reach(passed, *pressure, self.start),
             };
             match act {

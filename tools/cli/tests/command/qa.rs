@@ -130,11 +130,11 @@ fn what_the_rig_is_made_of_is_found_over_the_far_end_and_taken_by_the_pipeline()
         for bladder in found["bladders"].as_array().unwrap() {
             let found = &bladder["found"];
             for dead in found["dead_band"].as_array().unwrap() {
-                assert!((dead.as_f64().unwrap() - truth).abs() < 0.01, "{dead_band}: {bladder}");
+                assert!((dead.as_f64().unwrap() - truth).abs() < 0.015, "{dead_band}: {bladder}");
             }
             // 15 psi.
             let supply = found["supply_kpa"].as_f64().unwrap();
-            assert!((supply / 103.4 - 1.0).abs() < 0.1, "{bladder}");
+            assert!((supply / 103.4 - 1.0).abs() < 0.08, "{bladder}");
             assert!(found["leak_mm"].as_f64().unwrap() < 0.1, "{bladder}");
         }
         // The parameters are those of `actuate.valves`.

@@ -1,9 +1,7 @@
 //! `actuate.commission`: the guided sequence, as datagrams for the far end.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, WireForm};
-use stillpoint_operator::{
-    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
-};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Cause, ConsoleCommand, Datagram, Diagnostics, Metric, Sample};
 
 use super::params::{check_life, key};
@@ -34,9 +32,9 @@ pub struct CommissionParams {
     /// Time for which a datagram is valid.
     #[param(unit = "ns", default = "60 ms", min = "4 ms", max = "1 s")]
     pub life: u64,
-    /// Pressures above that of the room at which the valves are pulsed: low and high.
-    #[param(unit = "Pa", default = "[10 kPa, 22 kPa]", min = "1 kPa", max = "200 kPa")]
-    pub levels: [f64; 2],
+    /// How far the pressure of each bladder is raised from that of its start.
+    #[param(unit = "Pa", default = "1.5 kPa", min = "500 Pa", max = "50 kPa")]
+    pub rise: f64,
     /// Pressure above that of the room at which the sequence stops and the bladders are vented.
     #[param(unit = "Pa", default = "40 kPa", above = "0 Pa", max = "200 kPa")]
     pub limit: f64,
@@ -56,7 +54,7 @@ impl CommissionParams {
     pub fn sequence(&self) -> SequenceParams {
         SequenceParams {
             bladders: self.bladders as usize,
-            levels: self.levels,
+            rise: self.rise,
             limit: self.limit,
             hold: self.hold as f64 * 1e-9,
             settle: self.settle as f64 * 1e-9,
@@ -126,15 +124,6 @@ impl Operator for ActuateCommission {
         ],
         timer: Timer::Required,
     };
-
-    fn validate(params: &CommissionParams) -> Result<(), ParamConflict> {
-        let [low, high] = params.levels;
-        if low < high && high < params.limit {
-            return Ok(());
-        }
-        let text = "the levels must rise, and the high level must be below `limit`";
-        Err(ParamConflict::inside(&["levels"], SetupError(text.into())))
-    }
 
     fn new(params: CommissionParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         check_life("life", params.life, setup)?;

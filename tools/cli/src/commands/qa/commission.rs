@@ -55,6 +55,10 @@ pub struct Commission {
     /// Pressure of the vacuum below that of the room: a choked outlet does not tell it.
     #[arg(long, value_name = "PRESSURE", default_value = "12 psi")]
     vacuum: String,
+    /// Pressure above that of the room at which a bladder has twice its volume: pulses show how much air the pressure takes,
+    /// and the volume is the one that gives this with `doubles_at`.
+    #[arg(long, value_name = "PRESSURE", default_value = "50 kPa")]
+    doubles_at: String,
     /// Largest leak that is accepted, as the diameter of a hole.
     #[arg(long, value_name = "LENGTH", default_value = "0.2 mm")]
     leak_limit: String,
@@ -80,7 +84,8 @@ struct Values {
     /// Of inlet and outlet.
     dead_band: [f64; 2],
     volume_l: f64,
-    doubles_at_kpa: f64,
+    /// How much air a rise of the pressure takes.
+    mg_per_kpa: f64,
     supply_kpa: f64,
     /// Diameter of a hole; 0 if none is seen.
     leak_mm: f64,
@@ -96,7 +101,9 @@ impl From<Found> for Values {
         Self {
             dead_band: found.dead_band,
             volume_l: found.bladder.volume * 1e3,
-            doubles_at_kpa: found.bladder.doubles_at * 1e-3,
+            mg_per_kpa: (found.bladder.mass(found.pressure + 500.0)
+                - found.bladder.mass(found.pressure - 500.0))
+                * 1e6,
             supply_kpa: found.supply * 1e-3,
             leak_mm: found.leak * 1e3,
             least_leak_mm: found.least_leak * 1e3,
@@ -127,6 +134,7 @@ impl Commission {
             orifice: number("--orifice", &self.orifice, "m")?,
             discharge: self.discharge,
             vacuum: number("--vacuum", &self.vacuum, "Pa")?,
+            doubles_at: number("--doubles-at", &self.doubles_at, "Pa")?,
             largest_leak: number("--leak-limit", &self.leak_limit, "m")?,
         };
         let (session, graph) = match &self.session {
@@ -189,8 +197,8 @@ impl Commission {
         let mean = |of: fn(&Values) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
         let dead = found.iter().flat_map(|v| v.dead_band).fold(f64::INFINITY, f64::min).clamp(0.0, 0.5);
         Ok(format!(
-            "# Found by `stillpoint qa commission`: `params` of `actuate.valves`. Orifice, discharge coefficient and vacuum were\n\
-             # given; volume and supply count relative to the orifice.\n\
+            "# Found by `stillpoint qa commission`: `params` of `actuate.valves`. The orifice, `doubles_at` and the vacuum were\n\
+             # given; the volume counts relative to them.\n\
              dead_band: {dead:.3}\n\
              pressure:\n\
              \x20 volume: {:.3} l\n\
@@ -200,7 +208,7 @@ impl Commission {
              \x20 discharge: {}\n\
              \x20 vacuum: {:.1} kPa\n",
             mean(|v| v.volume_l),
-            mean(|v| v.doubles_at_kpa),
+            given.doubles_at * 1e-3,
             mean(|v| v.supply_kpa),
             given.orifice * 1e3,
             given.discharge,
@@ -270,7 +278,7 @@ fn row(bladder: usize, found: Result<Found, Unfound>) -> Row {
 }
 
 fn print(rows: &[Row]) {
-    let names = ["dead bands in, out", "volume", "doubles at", "supply", "leak", "left over"];
+    let names = ["dead bands in, out", "volume", "air for a kPa", "supply", "leak", "left over"];
     let mut table = Columns::new(
         std::iter::once((Side::Left, "bladder")).chain(names.into_iter().map(|name| (Side::Right, name))),
     );
@@ -285,7 +293,7 @@ fn print(rows: &[Row]) {
             row.bladder.to_string(),
             format!("{inlet}, {outlet}"),
             format!("{} l", fixed(v.volume_l, 3)),
-            format!("{} kPa", fixed(v.doubles_at_kpa, 1)),
+            format!("{} mg", fixed(v.mg_per_kpa, 1)),
             format!("{} kPa", fixed(v.supply_kpa, 1)),
             leak,
             format!("{} kPa", fixed(v.residual_kpa, 2)),

@@ -19,8 +19,6 @@ const BEFORE_RAMP: u64 = 2_500 * MS;
 /// only, so that the valves do not take it for one that does not answer.
 const AFTER_RAMP: u64 = 100 * MS;
 const RETURN: f64 = 20e-3;
-/// Each ramp begins at another part of a frame period: the golden section leaves no gaps and no pattern.
-const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Time of a step, and of the rest before and after it.
 const STEP: u64 = SECOND;
 const STEP_REST: u64 = 2_500 * MS;
@@ -30,6 +28,8 @@ const STEP_REST: u64 = 2_500 * MS;
 pub struct CourseParams {
     /// The channel of the ramps, x, y or z: 0 to 2.
     pub axis: usize,
+    /// Tolerance of the gate, m.
+    pub tolerance: f64,
     /// Where the beam is to be off at last, m.
     pub limit: f64,
     /// Period of the camera's frames, ns.
@@ -39,7 +39,7 @@ pub struct CourseParams {
 }
 
 /// Speeds of the ramps, m/s.
-pub const SPEEDS: [f64; 4] = [5e-3, 10e-3, 15e-3, 20e-3];
+pub const SPEEDS: [f64; 4] = [2e-3, 5e-3, 10e-3, 20e-3];
 
 /// The steps: shifts, m, and turns, rad, from rest; there and back.
 fn steps() -> Vec<([f64; 3], [f64; 3])> {
@@ -74,9 +74,13 @@ impl Course {
             let part = [1.0, 0.0, -1.0, 0.0][k % 4];
             course.go(PROVING_MOVE, PROVING_SHIFT.map(|s| s * part), [0.0; 3]);
         }
-        for speed in (0..params.repeats).flat_map(|_| SPEEDS) {
-            for direction in [1.0, -1.0] {
-                course.ramp(params, speed, direction);
+        // At each speed the tolerance is passed at other parts of a frame period, which are evenly spread.
+        let all = 2 * params.repeats;
+        for repeat in 0..params.repeats {
+            for speed in SPEEDS {
+                for (number, direction) in [(2 * repeat, 1.0), (2 * repeat + 1, -1.0)] {
+                    course.ramp(params, speed * direction, (number as f64 + 0.5) / all as f64);
+                }
             }
         }
         course.rest(BEFORE_RAMP);
@@ -89,18 +93,22 @@ impl Course {
         course
     }
 
-    fn ramp(&mut self, params: &CourseParams, speed: f64, direction: f64) {
-        let phase = (self.ramps as f64 * GOLDEN).fract();
-        self.rest(BEFORE_RAMP + (phase * params.frame as f64) as u64 / MS * MS);
+    /// A ramp with this speed, m/s, that passes the tolerance at this part of a frame period.
+    fn ramp(&mut self, params: &CourseParams, speed: f64, part: f64) {
+        self.rest(BEFORE_RAMP);
+        let frame = params.frame.max(1);
+        let passes = self.length + (params.tolerance / speed.abs() * 1e9) as u64;
+        let at_part = (part * frame as f64) as u64;
+        self.rest(((at_part + frame - passes % frame) % frame) / MS * MS);
         // Longer than a gate may take: a ramp that ends before the beam is off measures nothing.
-        let slowest = 1.5 * params.frame as f64 * 1e-9 + 0.07;
-        let over = ((params.limit / speed + slowest) * 1e3).ceil() as u64 * MS;
+        let slowest = 1.5 * frame as f64 * 1e-9 + 0.07;
+        let over = ((params.limit / speed.abs() + slowest) * 1e3).ceil() as u64 * MS;
         let distance = speed * over as f64 * 1e-9;
         let mut to = [0.0; 3];
-        to[params.axis] = direction * distance;
+        to[params.axis] = distance;
         self.go(over, to, [0.0; 3]);
         self.rest(AFTER_RAMP);
-        self.go((distance / RETURN * 1e3).ceil() as u64 * MS, [0.0; 3], [0.0; 3]);
+        self.go((distance.abs() / RETURN * 1e3).ceil() as u64 * MS, [0.0; 3], [0.0; 3]);
         self.ramps += 1;
     }
 
@@ -139,7 +147,7 @@ mod tests {
     #[test]
     fn every_course_is_one_that_a_phantom_can_make_and_each_ramp_has_its_speed() {
         for (axis, frame, repeats) in [(2, 100, 1), (0, 33, 3)] {
-            let params = CourseParams { axis, limit: 1.5e-3, frame: frame * MS, repeats };
+            let params = CourseParams { axis, tolerance: 1e-3, limit: 1.5e-3, frame: frame * MS, repeats };
             let course = Course::new(&params);
             assert_eq!(course.ramps, 8 * repeats);
             let phantom = Phantom::new(course.moves.clone()).unwrap();
@@ -148,6 +156,11 @@ mod tests {
                 let [from, to] = [ramp.at, ramp.at + ramp.over].map(|t| phantom.offset(t)[axis]);
                 let speed = (to - from).abs() / (ramp.over as f64 * 1e-9);
                 assert!((speed - SPEEDS[k / 2 % 4]).abs() < 1e-9, "{k}: {speed}");
+                // Evenly spread over the period of the frames.
+                let passes = ramp.at as f64 + params.tolerance / speed * 1e9;
+                let part = (passes / params.frame as f64).fract();
+                let due = ((2 * (k / 8) + k % 2) as f64 + 0.5) / (2 * repeats) as f64;
+                assert!((part - due).abs() < 0.05, "{k}: {part} {due}");
                 assert!(from == 0.0 && to.abs() > params.limit && (to > 0.0) == (k % 2 == 0), "{k}: {to}");
             }
             assert_eq!(phantom.offset(course.length), [0.0; 6]);

@@ -194,6 +194,7 @@ fn file_limits(graph: &Graph) -> Option<FileLimits> {
             position: sum("position_tolerance", "position_sd")?,
             angle: sum("angle_tolerance", "angle_sd")?,
         },
+        tolerance: number(&params["position_tolerance"])?,
         off_s: 1.5e-9 * number(&params["pose"]["frame_period"])? + 0.02,
     })
 }
@@ -208,8 +209,10 @@ fn course(graph: &Graph, rig: &OperatorNode, repeats: usize) -> Course {
         [(2, "z"), (0, "x"), (1, "y")].into_iter().find(|(_, name)| holds(name)).map_or(2, |(axis, _)| axis);
     let frame = rig.params.resolved["camera"]["every"].as_u64().or(rig.every).unwrap_or(100_000_000);
     let repeats = if of_kind(graph, "gate.beam").is_some() { repeats } else { 0 };
-    let limit = file_limits(graph).map_or(1e-3, |file| file.gate.position);
-    Course::new(&CourseParams { axis, limit, frame, repeats })
+    let file = file_limits(graph);
+    let limit = file.map_or(1e-3, |file| file.gate.position);
+    let tolerance = file.map_or(1e-3, |file| file.tolerance);
+    Course::new(&CourseParams { axis, tolerance, limit, frame, repeats })
 }
 
 /// What a run with the phantom sets: the phantom, a target that stays, a script that captures, confirms and arms, and the

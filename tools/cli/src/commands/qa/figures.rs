@@ -324,31 +324,31 @@ fn beyond(
     times
 }
 
-/// The line of least squares through points. Its confidence allows for a scatter that grows along x, as that of a camera's
-/// frames does with the speed (HC3). `None` for less than four points, or points of one x.
+/// The line of least squares through points of positive x, with weights 1 / x^2: the scatter of the displacement grows with
+/// the speed, because a camera's frames scatter in time. `None` for less than four points, or points of one x.
 pub fn line(points: &[(f64, f64)]) -> Option<Line> {
+    // Divided by x: y / x = slope + intercept / x, with a scatter that is the same everywhere.
     let n = points.len() as f64;
-    if points.len() < 4 {
+    if points.len() < 4 || points.iter().any(|(x, _)| *x <= 0.0) {
         return None;
     }
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
-    let (mx, my) = (mean(|p| p.0), mean(|p| p.1));
-    let sxx: f64 = points.iter().map(|(x, _)| (x - mx).powi(2)).sum();
-    if sxx <= 1e-12 * mx * mx {
+    let divided = || points.iter().map(|(x, y)| (1.0 / x, y / x));
+    let (mu, mv) = (divided().map(|p| p.0).sum::<f64>() / n, divided().map(|p| p.1).sum::<f64>() / n);
+    let suu: f64 = divided().map(|(u, _)| (u - mu).powi(2)).sum();
+    if suu <= 1e-12 * mu * mu {
         return None;
     }
-    let slope = points.iter().map(|(x, y)| (x - mx) * (y - my)).sum::<f64>() / sxx;
-    let intercept = my - slope * mx;
-    let (mut of_slope, mut of_intercept) = (0.0, 0.0);
-    for (x, y) in points {
-        let leverage = 1.0 / n + (x - mx).powi(2) / sxx;
-        let residual = (y - intercept - slope * x) / (1.0 - leverage).max(1e-9);
-        let weight = (x - mx) / sxx;
-        of_slope += (weight * residual).powi(2);
-        of_intercept += ((1.0 / n - mx * weight) * residual).powi(2);
-    }
+    let intercept = divided().map(|(u, v)| (u - mu) * (v - mv)).sum::<f64>() / suu;
+    let slope = mv - intercept * mu;
+    let squares: f64 = divided().map(|(u, v)| (v - slope - intercept * u).powi(2)).sum();
+    let variance = squares / (n - 2.0);
     let t = student(points.len() - 2);
-    Some(Line { slope, slope_half: t * of_slope.sqrt(), intercept, intercept_half: t * of_intercept.sqrt() })
+    Some(Line {
+        slope,
+        slope_half: t * (variance * (1.0 / n + mu * mu / suu)).sqrt(),
+        intercept,
+        intercept_half: t * (variance / suu).sqrt(),
+    })
 }
 
 /// The quantile of Student's distribution that leaves out 5 % on both sides together.
@@ -462,7 +462,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_line_of_exact_points_is_theirs(slope in -1.0..1.0f64, intercept in -1.0..1.0f64) {
-            let points: Vec<(f64, f64)> = (0..6).map(|x| (f64::from(x), intercept + slope * f64::from(x))).collect();
+            let points: Vec<(f64, f64)> = (1..7).map(|x| (f64::from(x), intercept + slope * f64::from(x))).collect();
             let line = line(&points).unwrap();
             prop_assert!((line.slope - slope).abs() < 1e-9 && (line.intercept - intercept).abs() < 1e-9);
             prop_assert!(line.slope_half < 1e-9 && line.intercept_half < 1e-9);

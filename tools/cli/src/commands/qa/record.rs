@@ -36,6 +36,8 @@ pub struct Limits {
 pub struct FileLimits {
     /// Tolerances and permitted standard deviations together.
     pub gate: GateLimits,
+    /// Tolerance of a position alone, m.
+    pub tolerance: f64,
     /// 1.5 periods of the camera's frames and 20 ms, s.
     pub off_s: f64,
 }
@@ -233,8 +235,12 @@ impl Record {
             ]);
         }
         out!("{table}");
-        outln!("simulated: {}", listed(&self.subject.simulated));
-        outln!("not in the time to beam off: {}", listed(&self.subject.not_included));
+        for (what, parts) in [
+            ("simulated", &self.subject.simulated),
+            ("not in the time to beam off", &self.subject.not_included),
+        ] {
+            parts.iter().for_each(|part| outln!("{what}: {part}"));
+        }
         outln!("{}", if self.passed { "passed" } else { "failed" });
     }
 
