@@ -4,17 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::{root, stillpoint, text};
-
-/// A small camera, so that a run takes seconds.
-const SMALL: [&str; 6] = [
-    "--set",
-    "rig.camera.width=320 px",
-    "--set",
-    "rig.camera.height=240 px",
-    "--set",
-    "rig.camera.focal_length=283 px",
-];
+use crate::{SMALL_CAMERA, root, stillpoint, text};
 
 fn json(folder: &Path, arguments: &[&str], exit: i32) -> Value {
     let out = stillpoint(folder, arguments);
@@ -34,7 +24,8 @@ fn row<'a>(record: &'a Value, name: &str) -> &'a Value {
 fn daily(folder: &Path, more: &[&str], exit: i32) -> Value {
     let pipeline = file("pipeline.yaml");
     let first = ["qa", "daily", &pipeline, "--clock", "simulated", "--repeats", "1", "--json"];
-    json(folder, &[&first[..], &SMALL, more].concat(), exit)
+    let small = SMALL_CAMERA.map(|set| ["--set", set]).concat();
+    json(folder, &[&first[..], &small, more].concat(), exit)
 }
 
 #[test]
@@ -109,7 +100,11 @@ fn a_pipeline_without_a_rig_is_refused_with_what_to_do() {
     assert!(errors.contains("--session") || errors.contains("no estimate"), "{errors}");
 }
 
-/// Commissions the rig of the example with this rig and these valves.
+/// A rig of one bladder, and short rests: a run takes seconds.
+const ONE: [&str; 3] = ["rig.use=rig.one_bladder", "far.bladders=1", "commission.bladders=1"];
+const SHORT: [&str; 2] = ["commission.settle=500 ms", "commission.hold=5 s"];
+
+/// Commissions the rig of the example with these changes.
 fn commission(folder: &Path, sets: &[&str], exit: i32) -> Value {
     let pipeline = file("examples/commission.yaml");
     let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
@@ -125,7 +120,7 @@ fn what_the_rig_is_made_of_is_found_over_the_far_end_and_taken_by_the_pipeline()
     for (dead_band, creep) in [("0.03", "0"), ("0.07", "0.03"), ("0.1", "0.03")] {
         let folder = tempfile::tempdir().unwrap();
         let sets = [format!("rig.dead_band={dead_band}"), format!("rig.creep={creep}")];
-        let found = commission(folder.path(), &[&sets[0], &sets[1]], 0);
+        let found = commission(folder.path(), &[&ONE[..], &SHORT, &[&sets[0], &sets[1]]].concat(), 0);
         let truth: f64 = dead_band.parse().unwrap();
         for bladder in found["bladders"].as_array().unwrap() {
             let found = &bladder["found"];
@@ -160,7 +155,7 @@ fn what_the_rig_is_made_of_is_found_over_the_far_end_and_taken_by_the_pipeline()
 fn a_weak_supply_and_a_leak_are_found_and_a_stuck_valve_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let weak = "rig.faults=[{ kind: weak_supply, left: 0.7, at: 0 s }, { kind: leak, which: 1, diameter: 0.15 mm, at: 0 s }]";
-    let found = commission(folder.path(), &[weak], 0);
+    let found = commission(folder.path(), &[&SHORT[..], &[weak]].concat(), 0);
     for (number, bladder) in found["bladders"].as_array().unwrap().iter().enumerate() {
         let supply = bladder["found"]["supply_kpa"].as_f64().unwrap();
         assert!((supply / (0.7 * 103.4) - 1.0).abs() < 0.12, "{bladder}");
@@ -168,7 +163,7 @@ fn a_weak_supply_and_a_leak_are_found_and_a_stuck_valve_is_named() {
         assert!(if number == 1 { (0.1..0.2).contains(&leak) } else { leak < 0.1 }, "{bladder}");
     }
     let stuck = "rig.faults=[{ kind: stuck_valve, which: 2, at: 0 s }, { kind: leak, which: 2, diameter: 0.5 mm, at: 0 s }]";
-    let found = commission(folder.path(), &[stuck], 1);
+    let found = commission(folder.path(), &[&SHORT[..], &[stuck]].concat(), 1);
     let why = |bladder: usize| found["bladders"][bladder]["unfound"].as_str().unwrap_or_default().to_owned();
     assert!(why(1).contains("inlet") && why(2).contains("leaks"), "{found}");
     assert!(found["bladders"][0]["unfound"].is_null() && found["parameters"].is_null(), "{found}");

@@ -16,7 +16,7 @@ use stillpoint_report::pipeline_of;
 use super::course::{Course, CourseParams};
 use super::figures::{GateLimits, evaluate};
 use super::readings::{Readings, Topics};
-use super::record::{FileLimits, Limits, Record, Subject, VERSION, rows};
+use super::record::{FileLimits, Limits, Record, Subject, VERSION, remarks, rows};
 use crate::commands::run::{Clock, Run};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::PipelineFile;
@@ -104,6 +104,10 @@ impl Daily {
             subject,
             passed: rows.iter().all(|row| row.passed),
             rows,
+            remarks: match limits.gate {
+                Some(_) => remarks(&figures, &readings.against),
+                None => vec!["the pipeline has no `gate.beam`, so no time to beam off is judged".to_owned()],
+            },
             limits,
             figures,
         };

@@ -1,11 +1,13 @@
 //! A session as traces: where the phantom truly was, where the tracker saw it, and whether the beam was on.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Isometry3;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pose::checked_isometry;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{
-    FarEnd, Gate, Pieces, Pose, PoseReport, PoseStatus, Sample, SampleKind, Standing, Track, View,
+    FarEnd, Gate, GateReason, Pieces, Pose, PoseReport, PoseStatus, Sample, SampleKind, Standing, Track, View,
 };
 
 use super::figures::Trace;
@@ -90,6 +92,8 @@ pub struct Readings {
     pub held: [bool; 6],
     /// Acquisition of the frame that became the reference last, ns.
     pub captured: Option<u64>,
+    /// Reasons against the beam after that, each with the number of samples of the gate that have it.
+    pub against: BTreeMap<&'static str, u64>,
 }
 
 impl Readings {
@@ -121,6 +125,10 @@ impl Readings {
                 let view = view::<Gate>(bytes)?;
                 let Some(element) = view.first() else { continue };
                 gate.push((view.header.stamp, element.beam == 1));
+                // The reasons before a capture say nothing of it.
+                for reason in GateReason::words(element.reasons).filter(|_| readings.captured.is_some()) {
+                    *readings.against.entry(reason).or_default() += 1;
+                }
                 for (held, error) in
                     readings.held.iter_mut().zip(element.position_error.iter().chain(&element.angle_error))
                 {

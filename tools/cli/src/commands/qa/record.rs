@@ -1,5 +1,6 @@
 //! The record of daily QA: figures against limits, as a table, as JSON and as a page.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -135,6 +136,8 @@ pub struct Record {
     /// Whether every row passes.
     pub passed: bool,
     pub rows: Vec<Row>,
+    /// What explains figures that were not measured.
+    pub remarks: Vec<String>,
     pub limits: Limits,
     pub figures: Figures,
 }
@@ -213,6 +216,18 @@ pub fn rows(figures: &Figures, limits: &Limits, ramps_made: Option<usize>) -> Ve
     rows
 }
 
+/// What the gate says where no ramp ended a beam.
+pub fn remarks(figures: &Figures, against: &BTreeMap<&'static str, u64>) -> Vec<String> {
+    let most = against.iter().max_by_key(|(_, count)| **count).filter(|_| figures.ramps.is_empty());
+    let text = |(reason, _): (&&str, &u64)| {
+        format!(
+            "no ramp ended a beam; the most frequent reason of the gate against the beam is \"{reason}\": repeat the run, or \
+             look into the session by `stillpoint report`"
+        )
+    };
+    most.map(text).into_iter().collect()
+}
+
 impl Record {
     /// Prints the table.
     pub fn print(&self) {
@@ -241,6 +256,7 @@ impl Record {
         ] {
             parts.iter().for_each(|part| outln!("{what}: {part}"));
         }
+        self.remarks.iter().for_each(|remark| outln!("{remark}"));
         outln!("{}", if self.passed { "passed" } else { "failed" });
     }
 
