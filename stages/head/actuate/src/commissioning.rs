@@ -174,7 +174,8 @@ pub fn find(readings: &[Reading], given: &Given) -> Result<Found, Unfound> {
         return Err(Unfound::Leak { found, allowed: given.largest_leak });
     }
     let moved = (used.iter().map(|p| (p.after - p.before).powi(2)).sum::<f64>() / used.len() as f64).sqrt();
-    if !(residual <= UNEXPLAINED * moved) {
+    let is_explained = residual <= UNEXPLAINED * moved;
+    if !is_explained {
         return Err(Unfound::Unexplained { residual, moved });
     }
     let [_, _, inlet, outlet, _] = theta.0.into();

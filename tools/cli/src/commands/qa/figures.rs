@@ -167,13 +167,13 @@ pub struct Figures {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FiguresError {
     #[error("the session has no capture of a reference: send `console.capture` while the phantom is still")]
-    NoCapture,
+    Capture,
     #[error("the session has no measured pose: see `head.report` for the reason")]
-    NoPose,
+    Pose,
     #[error(
         "the phantom never rested for {0} s after the capture: leave it still after the capture and after each step"
     )]
-    NoRest(f64),
+    Rest(f64),
 }
 
 /// Shortest rest that is judged, and the part at its beginning in which a filter settles, ns.
@@ -195,11 +195,11 @@ pub fn evaluate(
     limits: &GateLimits,
     declared: Option<&[[f64; 6]]>,
 ) -> Result<Figures, FiguresError> {
-    let captured = readings.captured.ok_or(FiguresError::NoCapture)?;
+    let captured = readings.captured.ok_or(FiguresError::Capture)?;
     let since = |trace: &Trace| Trace(trace.0.iter().filter(|(t, _)| *t > captured).copied().collect());
     let track = since(&readings.track);
     if track.is_empty() {
-        return Err(FiguresError::NoPose);
+        return Err(FiguresError::Pose);
     }
     let truth = since(&readings.truth);
     let rests = match truth.is_empty() {
@@ -209,7 +209,7 @@ pub fn evaluate(
     let (first, reference) = rests
         .iter()
         .find_map(|rest| Some((rest, track.mean(rest)?.0)))
-        .ok_or(FiguresError::NoRest(REST as f64 * 1e-9))?;
+        .ok_or(FiguresError::Rest(REST as f64 * 1e-9))?;
     // The known motion carries the pose of the reference along.
     let known = match truth.at(first.until) {
         Some(at_reference) => {
@@ -447,9 +447,9 @@ mod tests {
     fn a_session_without_capture_or_rest_says_so() {
         let mut none = readings(&[1e-2], 0.1, 1.0);
         none.captured = None;
-        assert_eq!(evaluate(&none, &LIMITS, None), Err(FiguresError::NoCapture));
+        assert_eq!(evaluate(&none, &LIMITS, None), Err(FiguresError::Capture));
         none.captured = Some(u64::MAX);
-        assert_eq!(evaluate(&none, &LIMITS, None), Err(FiguresError::NoPose));
+        assert_eq!(evaluate(&none, &LIMITS, None), Err(FiguresError::Pose));
     }
 
     #[test]
