@@ -502,9 +502,12 @@ mod tests {
 
     #[test]
     fn a_large_leak_a_shut_supply_and_an_unfinished_sequence_are_refused_with_their_cause() {
-        let leaking = find(&readings(&Truth { leak: 0.5e-3, ..truth() }), &GIVEN);
+        let emptied = find(&readings(&Truth { leak: 0.5e-3, ..truth() }), &GIVEN);
+        assert!(matches!(emptied, Err(Unfound::Unheld { .. })), "{emptied:?}");
+        let strict = Given { largest_leak: 0.1e-3, ..GIVEN };
+        let leaking = find(&readings(&Truth { leak: 0.2e-3, ..truth() }), &strict);
         assert!(
-            matches!(leaking, Err(Unfound::Leak { found, .. }) if (found - 0.5e-3).abs() < 0.05e-3),
+            matches!(leaking, Err(Unfound::Leak { found, .. }) if (found - 0.2e-3).abs() < 0.02e-3),
             "{leaking:?}"
         );
         let stuck = find(&readings(&Truth { stuck: Some(0.0), ..truth() }), &GIVEN);

@@ -36,12 +36,13 @@ pub fn of_segments(bixels: &Setups<'_>, rows: &[u32], passed: &Passed) -> Vec<Se
 /// These doses as a matrix with a column for each segment. It has `count` rows; those that are not in `rows` have no dose.
 pub fn side_by_side(doses: &[SegmentDose], rows: &[u32], count: usize) -> Result<Rows, RowsError> {
     let mut requested = rows.iter().copied().enumerate().peekable();
-    let entries = (0..count).map(|row| match requested.next_if(|(_, wanted)| *wanted as usize == row) {
-        Some((at, _)) => {
-            let of = doses.iter().enumerate().map(|(segment, dose)| (segment as u16, dose[at]));
-            of.filter(|(_, gray)| *gray > 0.0).collect()
-        }
-        None => Vec::new(),
-    });
+    let entries =
+        (0..count).map(|row| match requested.next_if(|(_, requested)| *requested as usize == row) {
+            Some((at, _)) => {
+                let of = doses.iter().enumerate().map(|(segment, dose)| (segment as u16, dose[at]));
+                of.filter(|(_, gray)| *gray > 0.0).collect()
+            }
+            None => Vec::new(),
+        });
     Rows::from_rows(doses.len(), entries)
 }

@@ -230,9 +230,9 @@ impl<'a> Growing<'a> {
         let doses: Vec<SegmentDose> =
             doses.into_iter().filter_map(|dose| dose.or_else(|| computed.next())).collect();
         let joined = side_by_side(&doses, goals.voxels(), self.beam.doses.rows());
-        let kept =
+        let remembered =
             segments.into_iter().zip(doses).map(|(segment, dose)| (collimator.transmission, segment, dose));
-        self.doses = kept.collect();
+        self.doses = remembered.collect();
         joined
     }
 }
