@@ -79,6 +79,8 @@ bits! {
         CONTACT_LOW = 1 << 24, "contact low";
         /// The face moves by itself: the valves hold, and do not follow it.
         FACE_MOVES = 1 << 25, "face moves";
+        /// Orders to a bladder go one way while the head rests: a stuck valve or a leak; a fault where pressures are estimates.
+        NO_EFFECT = 1 << 26, "orders without effect";
     }
 }
 

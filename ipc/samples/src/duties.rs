@@ -59,6 +59,9 @@ pub enum DutyReason {
     TargetRefused = 128,
     /// A channel is farther from the reference model than its limit.
     TrackingError = 256,
+    /// The orders to a bladder go one way for long while the head rests: a valve of it is stuck, or it leaks.
+    #[word("orders without effect")]
+    NoEffect = 512,
 }
 
 impl DutyReason {

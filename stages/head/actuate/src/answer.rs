@@ -1,5 +1,5 @@
-//! Watchdogs of the head's answer to orders: an error from the reference model that lasts, and a pressure estimate that
-//! limits an inlet while there is such an error.
+//! Watchdogs of the head's answer to orders: an error from the reference model that lasts, a pressure estimate that
+//! limits an inlet while there is such an error, and orders that have no effect.
 //!
 //! Orders that are lost on the way, a supply without air, leaks and stuck valves all show here: the pose and the commands
 //! are fresh, and the head still does not go where it is told.
@@ -25,6 +25,10 @@ pub struct AnswerParams {
     /// way. It is used if `contacts` is connected.
     #[param(unit = "ns", default = "2 s", min = "10 ms", max = "10 min")]
     pub contact_patience: u64,
+    /// Time for which the controller may report orders without effect before this is a fault, counted in the same way:
+    /// the estimate of a pressure follows orders, so it is wrong. Not used while pressures are measured.
+    #[param(unit = "ns", default = "2 s", min = "10 ms", max = "10 min")]
+    pub effect_patience: u64,
 }
 
 /// What one look at the head's answer finds.
@@ -36,6 +40,8 @@ pub struct Answered {
     pub limited: bool,
     /// A bladder pushes with less than the least force.
     pub loose: bool,
+    /// The controller reports orders without effect, and no pressure is measured.
+    pub without_effect: bool,
 }
 
 /// Counts for how long the head has not answered.
@@ -46,13 +52,14 @@ pub struct AnswerWatch {
     error: u64,
     limited: u64,
     loose: u64,
+    without_effect: u64,
 }
 
 impl AnswerWatch {
     /// A watch that has seen nothing.
     #[must_use]
     pub fn new(params: AnswerParams) -> Self {
-        Self { params, looked: None, error: 0, limited: 0, loose: 0 }
+        Self { params, looked: None, error: 0, limited: 0, loose: 0, without_effect: 0 }
     }
 
     /// Looks at `now`, ns, in this state of actuation, and returns the faults as bits of [`Reason`].
@@ -65,15 +72,17 @@ impl AnswerWatch {
                 count(&mut self.error, gone, answered.error);
                 count(&mut self.limited, gone, answered.error && answered.limited);
                 count(&mut self.loose, gone, answered.loose);
+                count(&mut self.without_effect, gone, answered.without_effect);
             }
             ActuationState::Holding => {}
             ActuationState::Disarmed | ActuationState::Venting | ActuationState::Fault => {
-                (self.error, self.limited, self.loose) = (0, 0, 0);
+                *self = Self { looked: self.looked, ..Self::new(self.params) };
             }
         }
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         bit(self.error >= self.params.error_patience, Reason::TRACKING_ERROR)
             | bit(self.loose >= self.params.contact_patience, Reason::CONTACT_LOW)
+            | bit(self.without_effect >= self.params.effect_patience, Reason::NO_EFFECT)
             | bit(
                 self.limited >= self.params.pressure_patience,
                 Reason::PRESSURE_DOUBTED | Reason::TRACKING_ERROR,
@@ -90,11 +99,15 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    const RULES: AnswerParams =
-        AnswerParams { error_patience: 4000 * MS, pressure_patience: 1000 * MS, contact_patience: 2000 * MS };
-    const ERROR: Answered = Answered { error: true, limited: false, loose: false };
-    const BOTH: Answered = Answered { error: true, limited: true, loose: false };
-    const WELL: Answered = Answered { error: false, limited: false, loose: false };
+    const RULES: AnswerParams = AnswerParams {
+        error_patience: 4000 * MS,
+        pressure_patience: 1000 * MS,
+        contact_patience: 2000 * MS,
+        effect_patience: 2000 * MS,
+    };
+    const WELL: Answered = Answered { error: false, limited: false, loose: false, without_effect: false };
+    const ERROR: Answered = Answered { error: true, ..WELL };
+    const BOTH: Answered = Answered { error: true, limited: true, ..WELL };
 
     /// Looks every 10 ms; returns when the first fault came, ms, and which.
     fn first(ms: u64, at: impl Fn(u64) -> (ActuationState, Answered)) -> Option<(u64, u32)> {
@@ -124,6 +137,14 @@ mod tests {
         assert_eq!(first(9000, |_| (Armed, loose)), Some((2000, Reason::CONTACT_LOW)));
         // A cough of half a second every ten.
         assert_eq!(first(60_000, |t| (Armed, if t % 10_000 < 500 { loose } else { WELL })), None);
+    }
+
+    #[test]
+    fn orders_without_effect_for_long_are_a_fault() {
+        use ActuationState::Armed;
+        let stuck = Answered { without_effect: true, ..WELL };
+        assert_eq!(first(20_000, |_| (Armed, stuck)), Some((2000, Reason::NO_EFFECT)));
+        assert_eq!(first(60_000, |t| (Armed, if t % 10_000 < 1900 { stuck } else { WELL })), None);
     }
 
     #[test]

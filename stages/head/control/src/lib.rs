@@ -7,6 +7,7 @@
 //! - [`tracking`], `past`: the error from it at the time of the pose, and when an order acts
 //! - [`periodic`], [`harmonic`], `proof`: breath and nods of the patient, with frequencies that are tracked, and whether
 //!   it helps to answer them
+//! - `balance`: whether bladders follow their orders
 //! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], `identified`: linear-quadratic control with an integrator, and plants that were identified
@@ -21,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 pub mod adaptive;
+mod balance;
 pub mod channels;
 pub mod contacts;
 pub mod effect;

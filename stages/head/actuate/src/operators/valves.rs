@@ -310,18 +310,21 @@ impl Operator for ActuateValves {
         let contacts = activation.input::<Contacts>(CONTACTS);
         let loose = contacts.as_ref().and_then(|view| view.first()).is_some_and(|held| held.low != 0);
         let error = self.watch.has_tracking_error();
-        let answered = Answered { error, limited: self.is_limited, loose };
+        let is_measured = is_measured_there || activation.input::<RigState>(MEASURED).is_some();
+        let no_effect = self.watch.has_no_effect();
+        let without_effect = no_effect && !is_measured;
+        let answered = Answered { error, limited: self.is_limited, loose, without_effect };
         seen.faults |= self.answer.look(now, self.machine.state(), answered);
         for asked in Watch::asked(activation) {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
         let shaped = self.drive.give(now, order, self.watch.duties());
-        let is_measured = is_measured_there || activation.input::<RigState>(MEASURED).is_some();
         self.is_limited = !is_measured && shaped.reasons & Reason::PRESSURE_LIMITED != 0;
         let error = answered.error && order == Order::Follow;
         let warnings = self.far.as_ref().map_or(0, |far| far.warnings(now))
-            | if loose { Reason::CONTACT_LOW } else { 0 };
+            | if loose { Reason::CONTACT_LOW } else { 0 }
+            | if no_effect { Reason::NO_EFFECT } else { 0 };
         let error = if error { Reason::TRACKING_ERROR } else { 0 };
         let reasons = self.machine.reasons() | shaped.reasons | warnings | error;
         let duties = &self.drive.duties()[..self.drive.valves()];

@@ -139,8 +139,16 @@ impl Watch {
 
     /// Whether the newest command reports a tracking error.
     pub fn has_tracking_error(&self) -> bool {
-        let bit = DutyReason::TrackingError.bit();
-        self.command.as_ref().is_some_and(|(duties, _)| duties.reasons & bit != 0)
+        self.reports(DutyReason::TrackingError)
+    }
+
+    /// Whether the newest command reports orders without effect.
+    pub fn has_no_effect(&self) -> bool {
+        self.reports(DutyReason::NoEffect)
+    }
+
+    fn reports(&self, reason: DutyReason) -> bool {
+        self.command.as_ref().is_some_and(|(duties, _)| duties.reasons & reason.bit() != 0)
     }
 
     /// Age of the newest command, ns.

@@ -7,6 +7,7 @@ use stillpoint_samples::{
     Standing, Target, TargetStatus, Track, TrackElement,
 };
 
+use crate::balance::Balance;
 use crate::channels::{Channel, difference};
 use crate::harmonic::{CHANNELS, TONES};
 use crate::operators::freshness::Freshness;
@@ -90,6 +91,11 @@ pub struct ControllerShell {
     /// The newest estimate, with its origin.
     track: Option<(TrackElement, u64)>,
     tracking: Tracking,
+    /// What the bladders let in and out, where each moves a coordinate of its own.
+    balance: Option<Balance>,
+    /// Where the model was when the law last acted, in scales, and the time since then, s.
+    model: [f64; CHANNELS],
+    dt: f64,
     resting: bool,
     /// Of the samples that duties are made from; the pressures, which are made from duties, do not count.
     origin: Option<u64>,
@@ -108,6 +114,9 @@ pub struct ControllerShell {
     /// Place of the first number about what was learned of patient and valves.
     learned: usize,
 }
+
+/// Speed of the model, scales per second, up to which the head is to rest.
+const RESTING: f64 = 2e-3;
 
 /// Numbers of the diagnostics that every controller sends first.
 const OWN: usize = 2;
@@ -144,12 +153,16 @@ impl ControllerShell {
         let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
         metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
         let learned = metrics.len();
+        let balance = (plant.effect.bladders() == plant.effect.channels()).then(Balance::default);
         metrics.extend(learned_names(&plant).iter().map(|name| Metric::new(name, f64::NAN)));
         let model = ReferenceModel::new(pole_of_rise(rise), plant.channels.count());
         let tracking = Tracking::new(model, plant.delay);
         let learns = plant.motion == Motion::Learned;
         Ok(Self {
             tracking: if learns { tracking.with_periodic(plant.effect.decoupling()) } else { tracking },
+            balance,
+            model: [0.0; CHANNELS],
+            dt: 0.0,
             learned,
             logged: None,
             resting: true,
@@ -172,7 +185,7 @@ impl ControllerShell {
     /// Most diagnostics of a controller of this plant, with this many of the law's own.
     pub fn metrics(plant: &PlantParams, own: usize) -> usize {
         let learned = if plant.motion == Motion::Learned { TONES + 1 + CHANNELS + MOST_BLADDERS } else { 0 };
-        OWN + own + learned
+        OWN + own + MOST_BLADDERS + learned
     }
 
     /// Goes on with another rise of the reference model, s.
@@ -202,8 +215,11 @@ impl ControllerShell {
                 let begins = std::mem::take(&mut self.resting);
                 if begins {
                     self.tracking.restart(&self.pose[..n]);
+                    self.balance.iter_mut().for_each(Balance::restart);
+                    self.model = self.pose;
                 }
                 self.tracking.look(&self.pose[..n], pose_age, &self.target[..n], dt);
+                self.dt = dt;
                 Look::Ready { dt, begins, reasons }
             }
         }
@@ -341,9 +357,23 @@ impl ControllerShell {
         if seen.iter().zip(&self.plant.error_limit).any(|(error, limit)| error.abs() > *limit) {
             duties.reasons |= DutyReason::TrackingError.bit();
         }
+        if self.weigh(net) {
+            duties.reasons |= DutyReason::NoEffect.bit();
+        }
         self.say_learned();
         self.send(outputs, &duties)?;
         Ok(true)
+    }
+
+    /// Sums what the bladders are to let in and out, and says whether one of them does not follow.
+    fn weigh(&mut self, net: &[f64]) -> bool {
+        let Some(balance) = &mut self.balance else { return false };
+        let model = self.tracking.model();
+        let rests =
+            model.iter().zip(&self.model).all(|(now, before)| (now - before).abs() <= RESTING * self.dt);
+        self.model[..model.len()].copy_from_slice(model);
+        balance.take(net, self.dt, rests);
+        balance.is_missed()
     }
 
     /// Says what was learned, in the order of [`learned_names`].
@@ -354,6 +384,9 @@ impl ControllerShell {
                 metric.value = value;
             }
         };
+        if let Some(balance) = &self.balance {
+            (0..self.plant.effect.bladders()).for_each(|j| say(balance.part(j).unwrap_or(f64::NAN)));
+        }
         if let Some(periodic) = self.tracking.periodic() {
             (0..TONES).for_each(|tone| say(periodic.frequency(tone).unwrap_or(f64::NAN)));
             say(periodic.explained());
@@ -394,11 +427,15 @@ impl ControllerShell {
 /// Names of the numbers about what is learned of patient and valves.
 fn learned_names(plant: &CheckedPlant) -> Vec<String> {
     let mut names = Vec::new();
+    let bladders = plant.effect.bladders();
+    if bladders == plant.effect.channels() {
+        names.extend((0..bladders).map(|j| format!("inlet_part_{j}")));
+    }
     if plant.motion == Motion::Learned {
         names.extend((1..=TONES).map(|tone| format!("tone_{tone}_hz")));
         names.push("motion_explained".to_owned());
         names.extend((0..plant.channels.count()).map(|i| format!("answered_{i}")));
-        names.extend((0..plant.effect.bladders()).map(|j| format!("unexplained_flow_{j}")));
+        names.extend((0..bladders).map(|j| format!("unexplained_flow_{j}")));
     }
     names
 }
