@@ -255,6 +255,24 @@ fn what_leaves_do_not_reach_across_the_axis_is_refused() {
     assert!(matches!(error, ArcError::Aside { .. }) && error.to_string().contains("withdrawn to 30 mm"));
 }
 
+#[test]
+fn arcs_that_leaves_cannot_shape_are_refused_before_any_dose() {
+    let mut file = Machine::shipped().unwrap().file().clone();
+    let mut refused = |collimator: Collimator| {
+        file.collimator = Some(collimator);
+        let machine = Machine::new(file.clone()).unwrap();
+        let spec = SetupSpec { grid_mm: 10.0, bixel_mm: 20.0, machine, ..SetupSpec::shipped().unwrap() };
+        let setup = PlanSetup::new(phantom(0).unwrap(), spec).unwrap();
+        let report = |progress: ArcProgress| panic!("{progress:?} although no dose is needed");
+        let arcs = ArcSpec::list("60..84cw").unwrap();
+        setup.plan_arcs(&arcs, ArcOptions::default(), threads(2), report).unwrap_err()
+    };
+    let low = Collimator { leaf_edges_mm: vec![-20.0, -10.0, 0.0, 10.0, 20.0], ..Collimator::generic() };
+    assert!(matches!(refused(low), ArcPlanError::Arc(ArcError::Beyond { first_mm: -20.0, .. })));
+    let short = Collimator { reach_mm: 30.0, over_travel_mm: 10.0, ..Collimator::generic() };
+    assert!(matches!(refused(short), ArcPlanError::Arc(ArcError::Aside { reach_mm: 30.0, .. })));
+}
+
 /// Leaves so slow that apertures of one pricing restrict each other, and windows move faster than they.
 #[test]
 fn slow_leaves_give_an_arc_that_keeps_its_limits() {

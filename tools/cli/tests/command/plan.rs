@@ -84,6 +84,50 @@ fn weak_machine() -> String {
 }
 
 #[test]
+fn beams_and_arcs_that_the_leaves_cannot_shape_are_refused_before_doses_and_solve() {
+    let folder = tempfile::tempdir().unwrap();
+    let shipped =
+        std::fs::read_to_string(super::root().join("stages/planning/plan/data/generic_6mv.json")).unwrap();
+    let mut machine: Value = serde_json::from_str(&shipped).unwrap();
+    machine["collimator"]["over_travel_mm"] = 20.0.into();
+    machine["collimator"]["reach_mm"] = 20.0.into();
+    std::fs::write(folder.path().join("short.json"), machine.to_string()).unwrap();
+    let plan = |more: &[&str]| {
+        let fixed = ["plan", "--machine", "short.json", "--out", "one"];
+        stillpoint(folder.path(), &[&fixed[..], &COARSE, more].concat())
+    };
+    let has_doses =
+        || std::fs::read_dir(folder.path().join("doses")).is_ok_and(|mut files| files.next().is_some());
+    let with_doses = ["--doses", "doses"];
+    for (chosen, message) in [
+        (&["--angles", "0,72@30"][..], "leaves: the beam at 0 degrees: the bixel at x = -"),
+        (
+            &["--beams", "3"],
+            "but the leaves shape fields of +-20 mm along x and -200 to 200 mm along z; plan with another",
+        ),
+        (
+            &["--angles", "90", "--engine", "superposition"],
+            "with --fluence-only the fluence is not sequenced",
+        ),
+    ] {
+        let out = plan(&[chosen, &with_doses].concat());
+        assert_eq!(out.status.code(), Some(1), "{chosen:?}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(message), "{chosen:?}: {}", text(&out.stderr));
+        assert!(!has_doses(), "{chosen:?}: doses were computed");
+    }
+    let arc = plan(&["--arc", "60..84cw"]);
+    assert!(
+        !arc.status.success() && text(&arc.stderr).contains("leaves are withdrawn to 20 mm"),
+        "{}",
+        text(&arc.stderr)
+    );
+    let fluence = plan(
+        &[&["--angles", "0,72@30", "--fluence-only", "--accept-check", "coarse"][..], &with_doses].concat(),
+    );
+    assert!(fluence.status.success() && has_doses(), "{}", text(&fluence.stderr));
+}
+
+#[test]
 fn a_plan_that_the_check_refuses_is_not_exported_unless_a_person_says_why() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("weak.json"), weak_machine()).unwrap();

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::ArcError;
 use super::spec::ArcSpec;
-use super::window::{lit_cells, windows};
+use super::window::{lit_cells, windows, within_reach};
 use crate::dose::{BeamAngles, BixelSpec, Collimator, DoseEngine};
 use crate::fluence::{DoseChange, Goals};
 use crate::threads::on_threads;
@@ -123,6 +123,9 @@ impl ArcField {
         let rows = leaf_rows(collimator, bixel_mm, width_mm, &lit)?;
         let lit: Vec<_> = lit.iter().map(|lit| lit_cells(&rows, width_mm, lit)).collect();
         let windows = windows(&points, &intervals, &lit);
+        for cells in windows.iter().flatten().flatten() {
+            within_reach(collimator, around_mm(width_mm, cells))?;
+        }
         let mut offsets = vec![0];
         for row in &rows {
             offsets.push(offsets[offsets.len() - 1] + row.cells.len());
@@ -217,8 +220,13 @@ impl ArcField {
 
     /// The lowest and the highest edge of these cells, mm.
     pub fn around_mm(&self, cells: &Range<i32>) -> [f64; 2] {
-        [self.edges_mm(cells.start)[0], self.edges_mm(cells.end - 1)[1]]
+        around_mm(self.width_mm, cells)
     }
+}
+
+/// The lowest and the highest edge of cells of this width, mm.
+fn around_mm(width_mm: f64, cells: &Range<i32>) -> [f64; 2] {
+    [(f64::from(cells.start) - 0.5) * width_mm, (f64::from(cells.end - 1) + 0.5) * width_mm]
 }
 
 /// Control points, intervals, and the angles of their doses.

@@ -38,6 +38,23 @@ pub fn windows(
     points.iter().map(of).collect()
 }
 
+/// Refuses a window (mm) that the tips of leaves cannot open.
+///
+/// # Errors
+/// The window is beyond the reach of leaves, or on the other side of their over-travel.
+pub fn within_reach(collimator: &Collimator, window_mm: [f64; 2]) -> Result<(), ArcError> {
+    let ([low, high], reach, over) = (window_mm, collimator.reach_mm, collimator.over_travel_mm);
+    match low < -reach || high > reach || low > over || high < -over {
+        true => Err(aside(collimator, window_mm)),
+        false => Ok(()),
+    }
+}
+
+fn aside(collimator: &Collimator, [low_mm, high_mm]: [f64; 2]) -> ArcError {
+    let Collimator { reach_mm, over_travel_mm, .. } = *collimator;
+    ArcError::Aside { low_mm, high_mm, reach_mm, over_travel_mm }
+}
+
 /// What the ends of tips depend on.
 pub struct Room<'a> {
     /// Control points.
@@ -67,18 +84,7 @@ impl Room<'_> {
         middle_mm: f64,
     ) -> Result<Vec<[[f64; 2]; 2]>, ArcError> {
         let (reach, over) = (self.collimator.reach_mm, self.collimator.over_travel_mm);
-        let refused = |[low_mm, high_mm]: [f64; 2]| ArcError::Aside {
-            low_mm,
-            high_mm,
-            reach_mm: reach,
-            over_travel_mm: over,
-        };
-        for window in windows_mm.iter().flatten() {
-            let [low, high] = *window;
-            if low < -reach || high > reach || low > over || high < -over {
-                return Err(refused(*window));
-            }
-        }
+        windows_mm.iter().flatten().try_for_each(|window| within_reach(self.collimator, *window))?;
         let mut edges = self.filled(windows_mm, middle_mm);
         for point in 0..edges.len() {
             if let Some(interval) = self.points[point].after {
@@ -103,7 +109,7 @@ impl Room<'_> {
             if banks.iter().all(|[least, most]| least <= most) {
                 Ok(banks)
             } else {
-                Err(refused([low, high]))
+                Err(aside(self.collimator, [low, high]))
             }
         };
         edges.into_iter().map(ends).collect()

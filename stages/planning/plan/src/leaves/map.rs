@@ -17,7 +17,7 @@ const TOUCH_MM: f64 = 1e-6;
 pub enum LeavesError {
     /// A bixel lies where leaves cannot shape it.
     #[error(
-        "the bixel at x = {x_mm} mm, z = {z_mm} mm has a fluence, but the leaves shape fields of +-{x_most_mm} mm along x \
+        "the bixel at x = {x_mm} mm, z = {z_mm} mm is part of a beam, but the leaves shape fields of +-{x_most_mm} mm along x \
          and {z_least_mm} to {z_most_mm} mm along z; plan with another isocentre or another machine"
     )]
     Beyond {
@@ -85,6 +85,29 @@ pub struct Levels {
     pub levels: Vec<u32>,
 }
 
+/// Refuses bixels (centres x and z) of which the leaves cannot shape one, whatever their weights are.
+///
+/// # Errors
+/// The first of these bixels.
+pub fn within_leaves(
+    collimator: &Collimator,
+    bixels_mm: impl IntoIterator<Item = [f64; 2]>,
+    width_mm: f64,
+) -> Result<(), LeavesError> {
+    let half = 0.5 * width_mm;
+    let (x_most_mm, edges) = (collimator.over_travel_mm, &collimator.leaf_edges_mm);
+    let (z_least_mm, z_most_mm) = (edges[0], edges[collimator.pairs()]);
+    let is_beyond = |[x, z]: &[f64; 2]| {
+        x.abs() + half > x_most_mm + TOUCH_MM
+            || z - half < z_least_mm - TOUCH_MM
+            || z + half > z_most_mm + TOUCH_MM
+    };
+    match bixels_mm.into_iter().find(is_beyond) {
+        Some([x_mm, z_mm]) => Err(LeavesError::Beyond { x_mm, z_mm, x_most_mm, z_least_mm, z_most_mm }),
+        None => Ok(()),
+    }
+}
+
 impl LeafMap {
     /// The map of the weights of bixels whose centres (x, z) lie on multiples of `width_mm`; nothing where no bixel has a
     /// weight.
@@ -100,17 +123,8 @@ impl LeafMap {
         }
         let lit: Vec<([f64; 2], f64)> =
             bixels_mm.iter().copied().zip(weights.iter().copied()).filter(|(_, w)| *w > 0.0).collect();
+        within_leaves(collimator, lit.iter().map(|(bixel, _)| *bixel), width_mm)?;
         let half = 0.5 * width_mm;
-        let (x_most_mm, edges) = (collimator.over_travel_mm, &collimator.leaf_edges_mm);
-        let (z_least_mm, z_most_mm) = (edges[0], edges[collimator.pairs()]);
-        let beyond = lit.iter().find(|([x, z], _)| {
-            x.abs() + half > x_most_mm + TOUCH_MM
-                || z - half < z_least_mm - TOUCH_MM
-                || z + half > z_most_mm + TOUCH_MM
-        });
-        if let Some(([x_mm, z_mm], _)) = beyond.copied() {
-            return Err(LeavesError::Beyond { x_mm, z_mm, x_most_mm, z_least_mm, z_most_mm });
-        }
         let column = |x: f64| libm::round(x / width_mm) as i64;
         let touches = |pair: usize| {
             lit.iter().any(|([_, z], _)| overlap(collimator.pair_mm(pair), [z - half, z + half]) > TOUCH_MM)

@@ -23,6 +23,6 @@ mod sequence;
 
 pub use aperture::{Aperture, LeafPairs, moving_fluence};
 pub use engel::{Shape, divide};
-pub use map::{LeafMap, LeavesError, Levels};
+pub use map::{LeafMap, LeavesError, Levels, within_leaves};
 pub use segment::{LeafBeam, Segment};
 pub use sequence::{FluenceBeam, LeafOptions, Sequenced, sequence};

@@ -17,6 +17,7 @@
 //! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
 //! - `doses`: the doses of the beams of a set-up; `engine`: by which method
 //! - `request`: how beams are chosen, with its only validation; `search`: the checked request
+//! - `leaves`: beams that leaves cannot shape are refused before doses
 //! - `arc`: a plan of arcs
 //! - `couch`: the search goes on with couch angles
 //! - `settle`: the last solve of a plan by superposition, on corrected columns
@@ -30,6 +31,7 @@ mod delivery;
 mod doses;
 mod engine;
 mod given;
+mod leaves;
 mod name;
 mod plan;
 mod request;
@@ -45,6 +47,7 @@ pub use delivery::Delivery;
 pub use doses::PlanDoses;
 pub use engine::{LEAST_SHARE_CROSSING, PlanEngine};
 pub use given::GivenError;
+pub use leaves::UnshapedError;
 pub use name::{MethodName, PriorName, UnknownName};
 pub use plan::{PlanError, Planned, plan};
 pub use request::{BUDGET, MOST_LEAVES, PROPOSALS, PlanRequest, RequestError};

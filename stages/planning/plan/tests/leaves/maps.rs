@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use stillpoint_plan::dose::Collimator;
-use stillpoint_plan::leaves::{LeafBeam, LeafMap, LeavesError, Segment, Shape, divide};
+use stillpoint_plan::leaves::{LeafBeam, LeafMap, LeavesError, Segment, Shape, divide, within_leaves};
 
 /// Levels of up to eight rows of nine columns.
 fn levels() -> impl Strategy<Value = (usize, Vec<u32>)> {
@@ -182,6 +182,11 @@ fn fluence_beyond_the_leaves_is_refused() {
     assert!(matches!(new(&[[150.0, 0.0]], &[1.0]), Err(LeavesError::Beyond { .. })));
     assert!(matches!(new(&[[0.0, -200.0]], &[1.0]), Err(LeavesError::Beyond { .. })));
     assert_eq!(new(&[[150.0, 0.0]], &[0.0]), Ok(None));
+    // The same check before there are weights.
+    let before = |bixel: [f64; 2]| within_leaves(&collimator(), [[0.0, 0.0], bixel], 10.0);
+    assert_eq!(before([150.0, 0.0]), new(&[[150.0, 0.0]], &[1.0]).map(drop));
+    assert_eq!(before([0.0, -200.0]), new(&[[0.0, -200.0]], &[1.0]).map(drop));
+    assert_eq!(before([-140.0, 190.0]), Ok(()));
     for weights in [&[f64::NAN][..], &[-1.0], &[f64::INFINITY], &[]] {
         assert!(matches!(new(&[[0.0, 0.0]], weights), Err(LeavesError::Weights { .. })), "{weights:?}");
     }

@@ -4,9 +4,9 @@ use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::phantom;
 use stillpoint_plan::beams::Influence;
-use stillpoint_plan::dose::Collimator;
-use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, Sequenced, sequence};
-use stillpoint_plan::recipe::{PlanRequest, Planned, SetupSpec, plan};
+use stillpoint_plan::dose::{BeamAngles, Collimator};
+use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, LeavesError, Sequenced, sequence};
+use stillpoint_plan::recipe::{MethodName, PlanRequest, PlanSetup, Planned, SetupSpec, UnshapedError, plan};
 
 const OPTIONS: LeafOptions = LeafOptions::PLAN;
 
@@ -35,6 +35,51 @@ fn of_doses(planned: &Planned) -> f64 {
 
 fn segments(sequenced: &Sequenced) -> usize {
     sequenced.beams.iter().flatten().map(|beam| beam.segments.len()).sum()
+}
+
+#[test]
+fn beams_that_leaves_cannot_shape_are_refused_before_their_doses() {
+    let spec = SetupSpec { grid_mm: 10.0, bixel_mm: 10.0, ..SetupSpec::shipped().unwrap() };
+    let setup = PlanSetup::new(phantom(1).unwrap(), spec).unwrap();
+    let widest = |angles: BeamAngles| {
+        let bixels = setup.engine().bixels_mm(angles).unwrap();
+        bixels.iter().map(|[x, _]| x.abs()).fold(0.0, f64::max)
+    };
+    let all = setup.directions.all(&(0..setup.directions.ring().count()).collect::<Vec<_>>());
+    let (mut narrow, mut wide) = (all[0], all[0]);
+    for angles in &all {
+        narrow = if widest(*angles) < widest(narrow) { *angles } else { narrow };
+        wide = if widest(*angles) > widest(wide) { *angles } else { wide };
+    }
+    // Leaves that shape all of the narrowest beam and not all of the widest.
+    let collimator = Collimator { over_travel_mm: widest(narrow) + 5.0, ..Collimator::generic() };
+    assert!(widest(wide) + 5.0 > collimator.over_travel_mm);
+    let fitting = all.iter().filter(|angles| widest(**angles) <= widest(narrow)).count();
+    assert!((1..all.len()).contains(&fitting), "{fitting}");
+    let check = |request: PlanRequest| {
+        setup.check_leaves(&request.check(&setup.case, setup.directions.clone()).unwrap(), &collimator)
+    };
+    // Beams that are given: each has to be shaped.
+    let given = |angles: &[BeamAngles]| {
+        check(PlanRequest::of_angles(angles.iter().map(|a| a.gantry_deg).collect::<Vec<_>>()))
+    };
+    given(&[narrow]).unwrap();
+    let refused = given(&[narrow, wide]).unwrap_err();
+    let UnshapedError::Beam { angles, why: LeavesError::Beyond { x_mm, x_most_mm, .. } } = &refused else {
+        panic!("{refused}")
+    };
+    assert_eq!((*angles, *x_most_mm), (wide, collimator.over_travel_mm));
+    assert!(x_mm.abs() + 5.0 > *x_most_mm);
+    let text = refused.to_string();
+    assert!(text.starts_with(&format!("the beam at {wide} degrees: the bixel at x = ")), "{text}");
+    // A search is refused only where it finds too few beams that can be shaped.
+    let searched =
+        |beams| check(PlanRequest { beams, budget: 1, ..PlanRequest::of_method(MethodName::Greedy) });
+    searched(1).unwrap();
+    let closed = Collimator { over_travel_mm: 10.0, ..Collimator::generic() };
+    let search = PlanRequest { beams: 1, budget: 1, ..PlanRequest::of_method(MethodName::Greedy) };
+    let search = search.check(&setup.case, setup.directions.clone()).unwrap();
+    assert!(setup.check_leaves(&search, &closed).is_err());
 }
 
 /// Prints what leaves cost on the pelves of `LEAVES_SEEDS`; without it, nothing is planned.

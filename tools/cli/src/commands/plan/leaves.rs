@@ -10,7 +10,7 @@ use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 use super::outcome::figures_of;
 use super::prepared::Prepared;
-use super::request::Request;
+use super::request::{Request, unshaped};
 use crate::exit::Failure;
 use stillpoint_plan::recipe::PlanRun;
 
@@ -64,9 +64,7 @@ impl<'a> Leaves<'a> {
         // Segments have no modulation to pay for, so they are compared by doses.
         let planned = request.setup.goals.cost_of(&best.plan).map_err(Failure::failed)?;
         let sequenced = sequence(&request.setup.goals, &beams, collimator, planned, options);
-        let sequenced = sequenced.map_err(|e| {
-            Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
-        })?;
+        let sequenced = sequenced.map_err(unshaped)?;
         let fluences = fluences(request, run, &sequenced, collimator);
         let beams = BeamFluence::weighted(&fluences);
         let gray = recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)?;

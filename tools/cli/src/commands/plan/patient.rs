@@ -97,6 +97,7 @@ fn searched(
     weights: Option<&[f64]>,
     mut pooled: Option<&mut Pooled>,
 ) -> Result<Searched, Failure> {
+    request.check_leaves()?;
     let begun = Instant::now();
     let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
     let mut doses_s = begun.elapsed().as_secs_f64();
@@ -127,6 +128,7 @@ fn searched(
     drop(prepared);
     print_engine(&request, engine);
     let request = request.by(engine, &best)?;
+    request.check_leaves()?;
     let begun = Instant::now();
     let prepared = Prepared::new(&request, pooled.as_deref_mut())?;
     doses_s += begun.elapsed().as_secs_f64();
@@ -174,6 +176,7 @@ fn with_couch(
         print_engine(&request, engine);
     }
     let request = request.with_couch(engine, &angles, couch)?;
+    request.check_leaves()?;
     runs.0.push(found.run.clone());
     runs.1.push(begun.elapsed().as_secs_f64());
     let begun = Instant::now();

@@ -161,6 +161,19 @@ impl Request {
         self.setup.spec.machine.file().collimator.as_ref().filter(|_| self.leaves)
     }
 
+    /// Refuses beams that the leaves cannot shape, before doses are computed for them.
+    ///
+    /// # Errors
+    /// A beam has bixels where the leaves cannot shape them.
+    pub fn check_leaves(&self) -> Result<(), Failure> {
+        // Where weights are given, only the bixels that have one count, and nothing is solved.
+        let Some(collimator) = self.collimator().filter(|_| !self.has_weights) else { return Ok(()) };
+        for search in &self.searches {
+            self.setup.check_leaves(search, collimator).map_err(unshaped)?;
+        }
+        Ok(())
+    }
+
     /// The limits that the plan aims at and is compared with.
     pub fn protocol(&self) -> Option<&Protocol> {
         self.setup.spec.protocol.as_ref()
@@ -205,6 +218,11 @@ impl Request {
         let beams: BTreeSet<u16> = self.searches.iter().flat_map(PlanSearch::needed_beams).collect();
         beams.into_iter().collect()
     }
+}
+
+/// A fluence that the leaves cannot shape.
+pub fn unshaped(why: impl std::fmt::Display) -> Failure {
+    Failure::failed(format!("leaves: {why}; with --fluence-only the fluence is not sequenced"))
 }
 
 /// The parameters of the set-up.
