@@ -11,12 +11,12 @@ use stillpoint_samples::{DepthImage, Header, Intrinsics, Pieces, Sample};
 
 use crate::bench::{Bench, text, wait_for};
 
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/camera");
+pub const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/camera");
 /// Images that a driver sends at least.
 const IMAGES: u16 = 12;
 
 /// A pipeline that takes the images of a driver, in a file of the bench.
-fn pipeline(bench: &Bench) -> PathBuf {
+pub fn pipeline(bench: &Bench) -> PathBuf {
     let file = bench.path("driver.yaml");
     let yaml = "stillpoint: 1\nname: driver\nframes: { camera: { parent: couch, at: [0 m, 0 m, 1 m] } }\noperators:\n  \
                 camera: { use: ingest.driver, every: 2 ms, frame: camera, params: { socket: camera.sock, max_pixels: 4000 } }\n  \
@@ -29,28 +29,33 @@ fn pipeline(bench: &Bench) -> PathBuf {
 /// The program of a driver and its first arguments; `None` where the machine has no compiler or interpreter for it.
 fn driver(bench: &Bench, source: &str) -> Option<(PathBuf, Vec<String>)> {
     let source_path = format!("{FOLDER}/{source}");
-    let has = |program: &str| {
-        Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
-    };
-    let (tool, standard) = match Path::new(source).extension().and_then(|e| e.to_str()) {
-        Some("c") => ("cc", "-std=c99"),
-        Some("cpp") => ("c++", "-std=c++11"),
-        _ => ("python3", ""),
-    };
-    if !has(tool) {
+    match Path::new(source).extension().and_then(|e| e.to_str()) {
+        Some("c") => Some((compiled(bench, "cc", &["-std=c99", "-Wpedantic"], &source_path)?, Vec::new())),
+        Some("cpp") => {
+            Some((compiled(bench, "c++", &["-std=c++11", "-Wpedantic"], &source_path)?, Vec::new()))
+        }
+        _ => has("python3").then(|| (PathBuf::from("python3"), vec![source_path])),
+    }
+}
+
+/// Whether the machine has this program; a test without it says that it skips.
+fn has(tool: &str) -> bool {
+    let status = Command::new(tool).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if status.is_err() {
         eprintln!("skipped: there is no {tool}");
-        return None;
     }
-    if tool == "python3" {
-        return Some((PathBuf::from(tool), vec![source_path]));
-    }
-    let program = bench.path("driver");
-    let warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1"];
-    let compiled =
-        Command::new(tool).arg(standard).args(warnings).arg(&source_path).arg("-o").arg(&program).output();
-    let compiled = compiled.unwrap();
+    status.is_ok()
+}
+
+/// A program or library of this source, without a warning; `None` where the machine has no compiler for it.
+pub fn compiled(bench: &Bench, compiler: &str, arguments: &[&str], source: &str) -> Option<PathBuf> {
+    let program = bench.path(Path::new(source).file_stem()?.to_str()?);
+    let warnings = ["-Wall", "-Wextra", "-Werror", "-O1"];
+    let mut command = Command::new(compiler);
+    command.args(arguments).args(warnings).arg(source).arg("-o").arg(&program);
+    let compiled = has(compiler).then(|| command.output().unwrap())?;
     assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
-    Some((program, Vec::new()))
+    Some(program)
 }
 
 /// The newest count of this name on `camera.diagnostics`.

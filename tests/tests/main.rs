@@ -8,6 +8,7 @@
 //! - `live`: failures in a live run
 //! - `laps`: what a live run measures, and nothing depends on
 //! - `driver`: drivers of cameras in C, C++ and Python
+//! - `v4l2`: the driver for cameras of Linux, on a device that is not there
 //! - `ending`: how runs end
 //! - `safety_case`: the tests that the safety case names are there
 //! - `releases`: sessions of every release
@@ -69,6 +70,7 @@ mod stopping;
 mod tampered;
 mod traps;
 mod unheard;
+mod v4l2;
 mod view;
 mod wire;
 mod words;
