@@ -51,6 +51,8 @@ bits! {
         FACE_MOVES = 1 << 18, "face moves";
         /// In a channel that the target does not hold, the head is too far from where it was when the beam first began.
         DRIFT = 1 << 19, "drift";
+        /// The beam that is delivered next is planned at another couch angle than that of the session.
+        COUCH = 1 << 20, "couch";
     }
 }
 

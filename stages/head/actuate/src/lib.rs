@@ -18,6 +18,7 @@
 //! - `face_watch`: whether a face that moves explains why there is no fresh pose
 //! - `plan_watch`: whether the standing plan holds in the requested set-up
 //! - `drift`: whether a head slides in a channel that its target does not hold
+//! - [`couch`]: whether the couch angle of the beam is that of the session
 //! - [`aim`], `lease`: errors against tolerances; the lease of the beam
 //! - `sender`: the sending end of datagrams
 //!
@@ -33,6 +34,7 @@ pub mod acknowledgement;
 pub mod aim;
 mod answer;
 pub mod commissioning;
+pub mod couch;
 pub mod datagram;
 mod drift;
 mod drive;

@@ -24,11 +24,12 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     let folder = folder.path();
     let example = |name: &str| root().join("examples").join(name).display().to_string();
     let case = example("data/head.case");
-    let session = |pipeline: &str, length: &str| {
-        run(folder, &["run", &example(pipeline), "--clock", "simulated", "--for", length]);
+    let session = |pipeline: &str, length: &str, more: &[&str]| {
+        let fixed = ["run", &example(pipeline), "--clock", "simulated", "--for", length];
+        run(folder, &[&fixed[..], more].concat());
     };
-    session("head-from-ct.yaml", "9s");
-    session("head-tracking.yaml", "1s");
+    session("head-from-ct.yaml", "9s", &[]);
+    session("head-tracking.yaml", "1s", &[]);
     let coarse = ["--angles", "0,120,240", "--grid", "12mm", "--bixel", "20mm", "--dose-grid", "4mm"];
     run(
         folder,
@@ -84,13 +85,69 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     let svg = std::fs::read_to_string(folder.join("delivered/head-from-ct-0001/delivered.svg")).unwrap();
     assert!(svg.contains("without gating") && svg.contains("CTV"));
 
-    // Of a beam with a couch angle there is no session.
+    // A session delivers the beams at its own couch angle.
     let mut turned = plan.clone();
     turned["leaves"]["beams"][1]["couch_deg"] = 30.0.into();
     std::fs::create_dir(folder.join("turned")).unwrap();
     std::fs::write(folder.join("turned/plan.json"), turned.to_string()).unwrap();
-    let why = refused(folder, &asked(held, "turned"));
-    assert!(why.contains("couch angle 30 degrees"), "{why}");
+    session("head-from-ct.yaml", "9s", &["--set", "gate.couch=30 deg", "--set", "gate.beam_couch=30 deg"]);
+    let at_30 = "sessions/head-from-ct-0002";
+    let of = |session, plan, more: &[&'static str]| -> Vec<&str> {
+        [&asked(session, plan)[..], &wide, more].concat()
+    };
+    for (session, plan, more, words) in [
+        (
+            held,
+            "turned",
+            &[][..],
+            "gantry 120 degrees is planned at the couch angle 30 degrees, and the gate of the session states the couch angle 0",
+        ),
+        (held, "turned", &["--beams", "0,120@30"], "choose the beams of this session with --beams"),
+        (
+            at_30,
+            "plan",
+            &[],
+            "gantry 0 degrees is planned at the couch angle 0 degrees, and the gate of the session states the couch angle 30",
+        ),
+        (
+            held,
+            "turned",
+            &["--beams", "0,120"],
+            "--beams 0,120: the plan has no beam at 120 (it has 0, 120@30, 240)",
+        ),
+        (held, "turned", &["--beams", "0,360"], "--beams 0,360: the beam at 360 is there twice"),
+        (held, "turned", &["--beams", "0,nan"], "invalid angles of a beam: \"nan\""),
+    ] {
+        let why = refused(folder, &of(session, plan, more));
+        assert!(why.contains(words), "{session} {plan} {more:?}: {why}");
+    }
+    let wrong = ["run", &example("head-from-ct.yaml"), "--clock", "simulated", "--for", "1s", "--set"];
+    for (angle, words) in [
+        ("gate.couch=400 deg", "gate.couch"),
+        ("gate.beam_couch=.nan deg", "gate.beam_couch"),
+        ("gate.couch=30", "gate.couch"),
+    ] {
+        let why = refused(folder, &[&wrong[..], &[angle]].concat());
+        assert!(why.contains(words), "{angle}: {why}");
+    }
+    let units = |beam: usize| plan["leaves"]["beams"][beam]["monitor_units"].as_f64().unwrap();
+    for (session, chosen, angles, couch, expected) in [
+        (held, "0,240", &["0", "240"][..], 0.0, units(0) + units(2)),
+        (at_30, "120@-330", &["120@30"], 30.0, units(1)),
+    ] {
+        let reported: Value =
+            serde_json::from_str(&run(folder, &of(session, "turned", &["--beams", chosen]))).unwrap();
+        assert_eq!((&reported["beams"], &reported["couch_deg"]), (&serde_json::json!(angles), &couch.into()));
+        assert!(
+            (reported["monitor_units_per_fraction"].as_f64().unwrap() - expected).abs() < 1e-9,
+            "{chosen}"
+        );
+        let mean = |dose: usize| {
+            let structures = reported["doses"][dose]["structures"].as_array().unwrap();
+            structures.iter().find(|s| s["name"] == "CTV").unwrap()["mean_gy"].as_f64().unwrap()
+        };
+        assert!(mean(0) > 1.0 && (mean(1) / mean(0) - 1.0).abs() < 0.03, "{chosen}: {} {}", mean(0), mean(1));
+    }
 
     let why = refused(folder, &asked(held, "pelvis"));
     assert!(why.contains("this plan is of the case"), "{why}");

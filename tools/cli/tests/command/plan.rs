@@ -122,7 +122,7 @@ fn beams_and_arcs_that_the_leaves_cannot_shape_are_refused_before_doses_and_solv
         text(&arc.stderr)
     );
     let fluence = plan(
-        &[&["--angles", "0,72@30", "--fluence-only", "--accept-check", "coarse"][..], &with_doses].concat(),
+        &[&["--angles", "0,72", "--fluence-only", "--accept-check", "coarse"][..], &with_doses].concat(),
     );
     assert!(fluence.status.success() && has_doses(), "{}", text(&fluence.stderr));
 }

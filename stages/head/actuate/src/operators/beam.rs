@@ -13,6 +13,7 @@ use stillpoint_samples::{
 use super::limits::Limits;
 use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
+use crate::couch;
 use crate::datagram::{self, LONGEST};
 use crate::drift::{Drift, DriftLimits};
 use crate::lease::{Lease, LeaseRules};
@@ -85,6 +86,13 @@ pub struct BeamParams {
     pub actuation_timeout: u64,
     /// Conditions under which the extrinsics of the cameras are valid.
     pub extrinsic: ExtrinsicParams,
+    /// Couch angle of the session (patient support, IEC 61217): how the couch stands whose axes the frame of the poses has.
+    #[param(unit = "rad", default = "0 deg", min = "-360 deg", max = "360 deg")]
+    pub couch: f64,
+    /// Couch angle of the beam that is delivered next, as its plan states it. The beam stays off unless it is that of the
+    /// session.
+    #[param(unit = "rad", default = "0 deg", min = "-360 deg", max = "360 deg", live)]
+    pub beam_couch: f64,
 }
 
 /// When the beam takes a pose for fresh.
@@ -104,8 +112,9 @@ pub struct BeamFreshnessParams {
 ///
 /// The lease is renewed only while nothing speaks against it: a fresh, well-known pose within tolerance of a target that
 /// does not move, a tracker that found a pose in the newest frame, a valid extrinsic, actuation that is armed and, where
-/// `plan` is connected, a standing plan that holds in the set-up that was requested last. The first word against it ends it
-/// at once, and it begins again after a dwell, within narrower tolerances.
+/// `plan` is connected, a standing plan that holds in the set-up that was requested last. The beam that is delivered next must
+/// have the couch angle of the session. The first word against the lease ends it at once, and it begins again after a dwell,
+/// within narrower tolerances.
 pub struct GateBeam {
     limits: Limits,
     tolerances: Tolerances,
@@ -126,6 +135,10 @@ pub struct GateBeam {
     /// Number of the reference of the tracker's newest report; 0 without a report.
     reference: u32,
     drift: Drift,
+    /// Couch angle of the session, rad.
+    couch: f64,
+    /// Whether the beam that is delivered next has this couch angle.
+    is_at_couch: bool,
     /// What is known of the standing plan; `None` where no plan is connected.
     plan: Option<PlanWatch>,
     lease: Lease,
@@ -228,6 +241,13 @@ impl Operator for GateBeam {
                     .into(),
             ));
         }
+        if plan && !couch::is_same(params.couch, 0.0) {
+            return Err(SetupError(format!(
+                "the plans of plan.optimizer have all beams at couch angle 0, and `couch` is {} deg: disconnect `plan` and \
+                 `plan_request`, or leave `couch` out",
+                degrees(params.couch)
+            )));
+        }
         Ok(Self {
             limits: Limits::of(&params),
             tolerances: Limits::of(&params).tolerances(),
@@ -244,6 +264,8 @@ impl Operator for GateBeam {
             report: None,
             reference: 0,
             drift: Drift::new(DriftLimits { position: params.drift_tolerance, angle: params.drift_angle }),
+            couch: params.couch,
+            is_at_couch: couch::is_same(params.couch, params.beam_couch),
             plan: plan.then(PlanWatch::default),
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
@@ -272,6 +294,7 @@ impl Operator for GateBeam {
         self.confidence = params.confidence;
         self.drift.set_limits(DriftLimits { position: params.drift_tolerance, angle: params.drift_angle });
         self.lease.set_dwell(params.dwell);
+        self.is_at_couch = couch::is_same(self.couch, params.beam_couch);
         self.limits = limits;
         Ok(())
     }
@@ -394,6 +417,7 @@ impl GateBeam {
             | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC)
             | bit(!armed, Reason::ACTUATION)
             | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
+            | bit(!self.is_at_couch, Reason::COUCH)
             | tracker
             | bit(self.plan.as_ref().is_some_and(|plan| !plan.holds()), Reason::PLAN)
     }
@@ -438,4 +462,9 @@ impl GateBeam {
             metric.value = value;
         }
     }
+}
+
+/// An angle of `rad` in degrees, for people.
+fn degrees(rad: f64) -> f64 {
+    (rad.to_degrees() * 1e6).round() / 1e6
 }

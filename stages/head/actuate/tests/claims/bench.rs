@@ -317,6 +317,52 @@ fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease
 }
 
 #[test]
+fn a_beam_at_another_couch_angle_than_the_session_has_no_lease_and_says_why() {
+    use stillpoint_samples::GateReason;
+    let at = |params: &str| bench(&text(&Said { gate: params, ..Said::default() }), "gate");
+    // Couch and beam agree, also a whole turn apart: there is a lease. Otherwise there is none, ever.
+    for (params, is_on) in [
+        ("couch: 30 deg, beam_couch: 30 deg", true),
+        ("couch: 330 deg, beam_couch: -30 deg", true),
+        ("couch: 30 deg", false),
+        ("beam_couch: 30 deg", false),
+        ("couch: 30 deg, beam_couch: -30 deg", false),
+    ] {
+        let mut bench = at(params).unwrap();
+        let beams: Vec<u32> = (10..500).step_by(10).map(|ms| feed_gate(&mut bench, ms)).collect();
+        assert_eq!(beams.contains(&1), is_on, "{params}");
+        let last = gate(&bench.at(500 * MS).feed::<Actuation>(2, &(), &[following()], 0));
+        assert_eq!(last.reasons & GateReason::COUCH != 0, !is_on, "{params}");
+    }
+    // The next beam is named while one is on: its lease ends at once, and begins anew when the beam fits.
+    let (mut on, ms) = beaming();
+    assert_eq!(on.at((ms + 1) * MS).set("gate.beam_couch", "30 deg").unwrap().taken, 1);
+    let off = gate(&on.at((ms + 2) * MS).feed::<Actuation>(2, &(), &[following()], 0));
+    assert_eq!((off.beam, off.reasons, off.ended_by), (0, GateReason::COUCH, GateReason::COUCH));
+    assert_eq!(on.at((ms + 3) * MS).set("gate.beam_couch", "0.04 deg").unwrap().taken, 1);
+    let next = ms.next_multiple_of(10) + 10;
+    assert!((next..next + 500).step_by(10).any(|ms| feed_gate(&mut on, ms) == 1));
+    // The couch of a session stands.
+    for (path, value, words) in [
+        ("gate.couch", "30 deg", "is not live"),
+        ("gate.beam_couch", "400 deg", "360"),
+        ("gate.beam_couch", "NaN deg", "number"),
+        ("gate.beam_couch", "30", "unit"),
+    ] {
+        let refused = on.at((next + 600) * MS).set(path, value).unwrap();
+        assert!(
+            (refused.taken, refused.generation) == (0, 2) && refused.refusal().unwrap().contains(words),
+            "{path} {value}: {:?}",
+            refused.refusal()
+        );
+    }
+    for wrong in ["couch: 400 deg", "couch: .nan deg", "couch: 30", "beam_couch: -361 deg"] {
+        let why = at(wrong).err().unwrap();
+        assert!(why.contains("couch"), "{wrong}: {why}");
+    }
+}
+
+#[test]
 fn what_lies_beyond_a_sample_reaches_nothing() {
     let run = |padding: usize| {
         let mut bench = armed("").padded(padding);

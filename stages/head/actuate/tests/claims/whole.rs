@@ -353,6 +353,15 @@ fn the_beam_needs_a_plan_that_holds_in_the_requested_set_up_where_a_plan_is_conn
     // The plan that a person accepted holds; the beam waits for the dwell.
     assert_eq!(first(&gates, 1_501, |g| g.beam == 1), Some(2_200));
     assert_eq!(run.bytes("gate.state"), play().bytes("gate.state"));
+    // Plans that are made in a pipeline have no couch angles.
+    let turned = text.replacen(
+        "plan_request: plans.request }\n    params: {",
+        "plan_request: plans.request }\n    params: { couch: 30 deg,",
+        1,
+    );
+    assert_ne!(turned, text);
+    let refused = stillpoint_testing::run(&turned, &registry(), &files(), 100).err().unwrap();
+    assert!(refused.contains("all beams at couch angle 0, and `couch` is 30 deg"), "{refused}");
     // Without a request nobody knows for which set-up a plan was judged.
     let lone = text.replacen(", plan_request: plans.request", "", 1);
     let refused = stillpoint_testing::run(&lone, &registry(), &files(), 100).err().unwrap();

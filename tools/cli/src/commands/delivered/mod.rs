@@ -58,6 +58,10 @@ pub struct Delivered {
     /// Topic of the beam: the state of a far end or of a gate. Default: the far end, else the gate.
     #[arg(long, value_name = "TOPIC")]
     beam: Option<String>,
+    /// Beams of the plan that the session delivered, by their angles, such as `72@30,144@30`. Default: all. They need the couch
+    /// angle of the session, which is `couch` of its gate.
+    #[arg(long, value_name = "ANGLES", allow_hyphen_values = true)]
+    beams: Option<String>,
     /// Width of the bins along each axis.
     #[arg(long, value_name = "LENGTH", default_value = "0.5mm")]
     bin: String,
@@ -83,9 +87,13 @@ impl Delivered {
     pub fn execute(&self, registry: &Registry) -> Ended {
         let width = self.width()?;
         let case = read(&self.case).map_err(Failure::wrong)?;
-        let plan = DeliveredPlan::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
+        let mut plan = DeliveredPlan::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
+        if let Some(beams) = &self.beams {
+            plan.choose(beams)?;
+        }
         let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let reference = Reference::of(&session, registry, self.poses.as_deref(), &case)?;
+        plan.check_couch(reference.couch_deg)?;
         let recorded = Recorded::of(&session, &reference, self.beam.as_deref(), &case)?;
         let default = || Path::new("delivered").join(name(&self.session));
         let out = OutFolder::ready(&self.out.clone().unwrap_or_else(default))?;

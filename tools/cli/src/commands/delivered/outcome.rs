@@ -124,8 +124,10 @@ impl<'a> Outcome<'a> {
             "warning": "Research only. No dose computed by stillpoint may be used to treat a patient.",
             "case": self.case.name(),
             "fractions": plan.fractions,
+            "beams": plan.beams.iter().map(|beam| beam.angles.to_string()).collect::<Vec<_>>(),
+            "couch_deg": reference.couch_deg,
             "doses_are_of": "all fractions, as if each had the motion of this session",
-            "monitor_units_per_fraction": plan.monitor_units,
+            "monitor_units_per_fraction": plan.monitor_units(),
             "interplay": INTERPLAY,
             "poses": reference.poses,
             "reference": {

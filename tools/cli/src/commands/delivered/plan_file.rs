@@ -1,9 +1,10 @@
 //! The beams of a plan folder: its segments if it has some, else its fluence.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use stillpoint_actuate::couch;
 use stillpoint_patient::case::{Case, content_hash};
-use stillpoint_plan::dose::{BixelSpec, DoseParams};
+use stillpoint_plan::dose::{BeamAngles, BixelSpec, DoseParams};
 use stillpoint_plan::leaves::{LeafBeam, Segment};
 use stillpoint_plan::plan_file::{PlanFile, PlanFileBeam, PlanFileLeafBeam, PlanFileLeaves, PlanFileSegment};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
@@ -20,8 +21,10 @@ pub struct DeliveredPlan {
     pub beams: Vec<BeamFluence>,
     /// Fractions of the plan.
     pub fractions: u32,
-    /// Monitor units of one fraction; `None` for a plan without segments.
-    pub monitor_units: Option<f64>,
+    /// Monitor units of each beam in one fraction; `None` for a plan without segments.
+    units: Option<Vec<f64>>,
+    /// Its file.
+    path: PathBuf,
     /// The engine of its dose.
     pub recompute: Recompute,
 }
@@ -89,20 +92,56 @@ impl DeliveredPlan {
                 "the plan has no beam, a weight that is negative, or a bixel more than {MOST_MM} mm from the axis"
             )));
         }
-        if let Some(turned) = beams.iter().find(|beam| !beam.angles.is_coplanar()) {
-            return Err(fault(&format!(
-                "the beam at gantry {} degrees is planned at the couch angle {} degrees, and a session is recorded at 0: its \
-                 poses are in the frame of a couch that is not turned; plan without couch angles",
-                turned.angles.gantry_deg, turned.angles.couch_deg
-            )));
-        }
-        Ok(Self {
-            recompute,
-            fractions,
-            monitor_units: plan.leaves.map(|leaves| leaves.monitor_units),
-            beams,
-        })
+        let units = |leaves: PlanFileLeaves| leaves.beams.iter().map(|beam| beam.monitor_units).collect();
+        Ok(Self { recompute, fractions, units: plan.leaves.map(units), beams, path })
     }
+
+    /// Leaves out all beams but these, which are named by their angles, such as `72@30,144@30`.
+    pub fn choose(&mut self, angles: &str) -> Result<(), Failure> {
+        let wrong = |why: &dyn std::fmt::Display| Failure::wrong(format!("--beams {angles}: {why}"));
+        let mut chosen = Vec::new();
+        for text in angles.split(',') {
+            let named: BeamAngles = text.trim().parse().map_err(|e| wrong(&e))?;
+            let found = self.beams.iter().position(|beam| is_same(beam.angles, named));
+            let number = found.ok_or_else(|| {
+                let all: Vec<String> = self.beams.iter().map(|beam| beam.angles.to_string()).collect();
+                wrong(&format!("the plan has no beam at {named} (it has {})", all.join(", ")))
+            })?;
+            if chosen.contains(&number) {
+                return Err(wrong(&format!("the beam at {named} is there twice")));
+            }
+            chosen.push(number);
+        }
+        chosen.sort_unstable();
+        self.beams = chosen.iter().map(|number| self.beams[*number].clone()).collect();
+        self.units = self.units.as_ref().map(|units| chosen.iter().map(|number| units[*number]).collect());
+        Ok(())
+    }
+
+    /// Refuses beams at another couch angle than that of the session.
+    pub fn check_couch(&self, couch_deg: f64) -> Result<(), Failure> {
+        let is_turned =
+            |beam: &&BeamFluence| !couch::is_same(beam.angles.couch_deg.to_radians(), couch_deg.to_radians());
+        let Some(turned) = self.beams.iter().find(is_turned) else { return Ok(()) };
+        Err(Failure::wrong(format!(
+            "{}: the beam at gantry {} degrees is planned at the couch angle {} degrees, and the gate of the session states the \
+             couch angle {couch_deg} degrees; choose the beams of this session with --beams",
+            self.path.display(),
+            turned.angles.gantry_deg,
+            turned.angles.couch_deg
+        )))
+    }
+
+    /// Monitor units of one fraction; `None` for a plan without segments.
+    pub fn monitor_units(&self) -> Option<f64> {
+        self.units.as_ref().map(|units| units.iter().sum())
+    }
+}
+
+/// Whether a person who writes one angle means the other.
+fn is_same(a: BeamAngles, b: BeamAngles) -> bool {
+    let same = |a: f64, b: f64| couch::is_same(a.to_radians(), b.to_radians());
+    same(a.gantry_deg, b.gantry_deg) && same(a.couch_deg, b.couch_deg)
 }
 
 fn fluence(beam: &PlanFileBeam) -> BeamFluence {

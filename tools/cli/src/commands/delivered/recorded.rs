@@ -234,6 +234,7 @@ mod tests {
             surface: "head.case".into(),
             is_case: Some(true),
             isocentre: Vector3::new(0.1, 0.2, 0.3),
+            couch_deg: 0.0,
             // The point lies 50 mm towards the crown from the isocentre.
             point_from_isocentre: Translation3::new(0.0, 0.05, 0.0).inverse(),
         };

@@ -27,6 +27,8 @@ pub struct Reference {
     pub is_case: Option<bool>,
     /// Place of the machine's isocentre in the couch frame, m.
     pub isocentre: Vector3<f64>,
+    /// Couch angle of the session, degrees; 0 where it has no gate.
+    pub couch_deg: f64,
     /// From the point whose pose is recorded to the isocentre of the patient.
     pub point_from_isocentre: Translation3<f64>,
 }
@@ -109,15 +111,27 @@ impl Reference {
             surface: surface.to_owned(),
             is_case,
             isocentre: vector(&given["isocentre"]).unwrap_or_default(),
+            couch_deg: couch_deg(&graph),
             point_from_isocentre: Translation3::from(vector(&params["point"]).unwrap_or_default()).inverse(),
             poses,
         })
     }
 }
 
+/// The first gate.
+fn gate(graph: &Graph) -> Option<&OperatorNode> {
+    graph.operators.iter().find(|node| node.stage.kind.name == "gate.beam")
+}
+
+/// The couch angle that the first gate states, degrees.
+fn couch_deg(graph: &Graph) -> f64 {
+    let couch = gate(graph).and_then(|gate| gate.params.resolved["couch"].as_f64());
+    couch.map_or(0.0, |rad| (rad.to_degrees() * 1e6).round() / 1e6)
+}
+
 /// The topic of the track that the first gate judges.
 fn judged(graph: &Graph) -> Option<String> {
-    let gate = graph.operators.iter().find(|node| node.stage.kind.name == "gate.beam")?;
+    let gate = gate(graph)?;
     let port = gate.stage.kind.inputs.iter().position(|input| input.name == "state")?;
     let edge = gate.inputs.get(port)?.edge?;
     Some(graph.operators[edge.operator].outputs[edge.output].topic.clone())

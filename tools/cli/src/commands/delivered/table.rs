@@ -12,9 +12,10 @@ use crate::columns::{Columns, Side};
 /// Prints it.
 pub fn print(outcome: &Outcome<'_>, plan: &DeliveredPlan, reference: &Reference, recorded: &Recorded) {
     outln!(
-        "{}: {} beams, {} fractions; poses of {}, relative to the planning CT {} ({})",
+        "{}: {} beams at couch {} degrees, {} fractions; poses of {}, relative to the planning CT {} ({})",
         outcome.case.name(),
         plan.beams.len(),
+        reference.couch_deg,
         plan.fractions,
         reference.poses,
         reference.surface,
@@ -31,7 +32,7 @@ pub fn print(outcome: &Outcome<'_>, plan: &DeliveredPlan, reference: &Reference,
         outcome.armed.seconds,
         recorded.armed_since
     );
-    if let Some(units) = plan.monitor_units {
+    if let Some(units) = plan.monitor_units() {
         outln!(
             "planned meterset of a fraction: {units:.1} monitor units; over the beam-on time of this session {:.0} a minute",
             60.0 * units / outcome.on.seconds
