@@ -346,7 +346,7 @@ fn a_beam_at_another_couch_angle_than_the_session_has_no_lease_and_says_why() {
     for (path, value, words) in [
         ("gate.couch", "30 deg", "is not live"),
         ("gate.beam_couch", "400 deg", "360"),
-        ("gate.beam_couch", "NaN deg", "number"),
+        ("gate.beam_couch", "NaN deg", "not an angle"),
         ("gate.beam_couch", "30", "unit"),
     ] {
         let refused = on.at((next + 600) * MS).set(path, value).unwrap();
