@@ -10,7 +10,7 @@ use rustix::process::Signal;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{DepthImage, Diagnostics, Header, Intrinsics, Pieces, Sample};
 
-use crate::bench::{Bench, Running, text, wait_for};
+use crate::bench::{Bench, Running, wait_for};
 use crate::driver::{FOLDER, compiled, pipeline};
 
 const DEVICE: &str = "/dev/depth-camera-of-a-test";
