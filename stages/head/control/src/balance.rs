@@ -14,11 +14,12 @@ pub const BLADDERS: usize = 8;
 const WINDOW: f64 = 8.0;
 /// Orders that a sum must hold, as the time of an inlet at full opening, s: noise alone makes less.
 const LEAST: f64 = 0.03;
-/// Part of the inlet in the effect of all orders of a window, from which to which a bladder follows. Outlets with half
-/// the effect that is assumed give a third.
-const FOLLOWS: [f64; 2] = [0.2, 0.8];
-/// Windows in a row of which each shows a bladder that does not follow. One alone may be a patient who moves away.
-const WINDOWS: u32 = 2;
+/// Logarithm of the inlet's effect over that of the outlet, up or down, that a bladder may have for ever: outlets with half
+/// the effect that is assumed have 0.7.
+const FOLLOWS: f64 = 1.0;
+/// What is beyond that adds up from window to window, up to this much in each; a bladder that does not follow has twice
+/// as much. So one window alone, a patient who moves away, is never enough.
+const MOST: f64 = 0.5;
 
 /// Sums the orders to each bladder.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,8 +33,8 @@ struct Sum {
     time: f64,
     inlet: f64,
     outlet: f64,
-    /// Windows in a row in which it did not follow.
-    missed: u32,
+    /// What is beyond in its windows.
+    beyond: f64,
     /// Part of the inlet in the last window.
     part: Option<f64>,
 }
@@ -57,9 +58,10 @@ impl Balance {
             sum.outlet += dt * (-effect).max(0.0);
             if sum.time >= WINDOW && sum.inlet + sum.outlet >= LEAST {
                 let part = sum.inlet / (sum.inlet + sum.outlet);
-                let follows = (FOLLOWS[0]..=FOLLOWS[1]).contains(&part);
-                let missed = if follows { 0 } else { sum.missed.saturating_add(1) };
-                *sum = Sum { missed, part: Some(part), ..Sum::default() };
+                // Infinite where all orders go one way.
+                let one_way = libm::log(sum.inlet / sum.outlet).abs();
+                let beyond = (sum.beyond + (one_way - FOLLOWS).min(MOST)).clamp(0.0, 2.0 * MOST);
+                *sum = Sum { beyond, part: Some(part), ..Sum::default() };
             }
         }
     }
@@ -67,7 +69,7 @@ impl Balance {
     /// Whether one of the bladders does not follow its orders.
     #[must_use]
     pub fn is_missed(&self) -> bool {
-        self.sums.iter().any(|sum| sum.missed >= WINDOWS)
+        self.sums.iter().any(|sum| sum.beyond >= 2.0 * MOST)
     }
 
     /// Part of the inlet in the effect of all orders to a bladder in its last window; `None` before there was one.
@@ -104,11 +106,19 @@ mod tests {
 
     #[test]
     fn a_valve_that_is_stuck_is_missed_within_two_windows() {
-        // An outlet that stays shut, with half the breath; one that stays open; a leak.
+        // An outlet that stays shut; one that stays open; a leak.
         for order in [-0.011, 0.011, 0.2] {
             let at = missed(60.0, |t| order * (1.0 + 0.5 * breath(t))).unwrap();
             assert!((15.9..16.2).contains(&at), "{order} {at}");
         }
+    }
+
+    #[test]
+    fn a_valve_that_is_stuck_hardly_open_is_missed_within_four_windows() {
+        // Nearly four fifths of the orders go in; a window has two whole breaths.
+        let breath = |t: f64| libm::sin(core::f64::consts::TAU * t / 4.0);
+        let at = missed(60.0, |t| 0.02 * (0.4 + breath(t))).unwrap();
+        assert!((23.9..32.2).contains(&at), "{at}");
     }
 
     #[test]

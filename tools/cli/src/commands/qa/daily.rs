@@ -229,6 +229,8 @@ fn sets(graph: &Graph, rig: &OperatorNode, course: &Course, topics: &Topics) -> 
     for node in &graph.operators {
         match node.stage.kind.name {
             "control.target" => sets.push(format!("{}.moves=[]", node.name)),
+            // Bladders do not move a phantom: orders without effect are no fault here.
+            "actuate.valves" => sets.push(format!("{}.answer.effect_patience=10 min", node.name)),
             "console" if of_kind(graph, "gate.beam").is_some() => sets.push(format!(
                 "{}.script=[{{ at: 500 ms, say: capture, repeat: 3 s }}, {{ at: 1 s, say: confirm, repeat: 500 ms }}, \
                  {{ at: 1500 ms, say: arm, repeat: 500 ms }}]",
