@@ -7,8 +7,10 @@
 //! - [`mod@perception`]: the reference data of perception
 //! - [`mod@reference`]: data that is no part of the project
 //! - [`mod@feed`]: kinds that stand upstream of an operator on a bench
+//! - [`mod@board`]: grey images of a checkerboard
 
 pub mod bench;
+pub mod board;
 pub mod feed;
 pub mod perception;
 mod quiet;

@@ -18,3 +18,10 @@ pub fn quantity(part: &str, unit: &str, whole: &str) -> Result<f64, Failure> {
         .filter(|n| n.is_finite())
         .ok_or_else(|| Failure::wrong(format!("{whole:?}: {part:?} must be a number with its unit, {unit}")))
 }
+
+/// Parses a length in mm, with or without the unit.
+pub fn millimetres(part: &str, whole: &str) -> Result<f64, Failure> {
+    let part = part.trim();
+    let with_unit = if part.ends_with("mm") { part.to_owned() } else { format!("{part}mm") };
+    quantity(&with_unit, "mm", whole)
+}

@@ -1,4 +1,4 @@
-//! `stillpoint calibrate`: a camera by rendered images of three balls.
+//! `stillpoint calibrate`: a camera by rendered images of three balls, or of a printed board.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,6 +10,7 @@ use stillpoint_rig::head::Head;
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Form, Label, Object, Scene};
 use stillpoint_rig::shape::Ellipsoid;
+use stillpoint_testing::board::{Camera, Checkerboard, Exposure, light, png, taken};
 
 use crate::{stillpoint, text};
 
@@ -189,4 +190,79 @@ fn a_plate_that_moves_by_less_than_it_is_said_fails() {
         "{}",
         text(&wrong.stdout)
     );
+}
+
+/// Grey images of a board of 11 x 8 corners of 25 mm, 2 mm over the couch, with 8 or 16 bits.
+fn board_images(folder: &Path, name: &str, at: &Isometry3<f64>, is_deep: bool) -> Vec<String> {
+    let exposure = match is_deep {
+        true => Exposure { counts: 2000.0, electrons: 2.0, reading: 8.0, most: 4095, ..Exposure::default() },
+        false => Exposure::default(),
+    };
+    let about = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+    let couch_from_board = Isometry3::from_parts(Translation3::new(0.01, 0.03, 0.002), about);
+    let board = Checkerboard { corners: [11, 8], square: 0.025, couch_from_board };
+    let light = light(&Camera::new(SIZE, FOCAL), at, &board, &exposure);
+    let write = |number: u64| {
+        let file = format!("{name}-{number}.png");
+        std::fs::write(folder.join(&file), png(&taken(&light, &exposure, number), SIZE, exposure.most))
+            .unwrap();
+        file
+    };
+    (0..3).map(write).collect()
+}
+
+#[test]
+fn a_camera_is_placed_by_a_board_and_compared_with_a_session() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let truth = camera([0.05, -0.4, 0.6]);
+    let board = ["--board", "11x8", "--square", "25mm", "--at", "10,30,2,90", "--frame", "camera"];
+    let intrinsics = ["--intrinsics", "300,300,159.5,119.5"];
+    let calibrate = |images: &[String], more: &[&str]| {
+        let images: Vec<&str> = images.iter().map(String::as_str).collect();
+        stillpoint(folder, &[&["calibrate", "camera"], &images[..], &board, &intrinsics, more].concat())
+    };
+    for is_deep in [false, true] {
+        let images = board_images(folder, "board", &truth, is_deep);
+        let placed = calibrate(&images, &["--date", "2024-02-28", "--json"]);
+        let answer: Value = serde_json::from_slice(&placed.stdout).unwrap();
+        let at: Vec<f64> = answer["at_m"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        let off = (Vector3::from_column_slice(&at) - truth.translation.vector).norm();
+        assert!(off < 1e-3 && answer["corners"] == 88 && answer["images"] == 3, "{off} {answer}");
+    }
+    let images = board_images(folder, "board", &truth, false);
+    let placed = calibrate(&images, &["--date", "2024-02-28"]);
+    let printed = text(&placed.stdout);
+    assert_eq!(placed.status.code(), Some(0), "{printed}{}", text(&placed.stderr));
+    for part in
+        ["88 corners", "50 mm to the patient's left, 400 mm to the feet, 600 mm up", "scale at a head"]
+    {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    let entry = &printed[printed.find("frames:").unwrap()..];
+    assert!(entry.contains("board of 11 x 8 corners, 3 images") && entry.contains("measured: 2024-02-28"));
+
+    // The entry is one that a pipeline takes; against its session, the board shows drift.
+    let session = recorded(folder, "placed", &truth, &[], entry);
+    let same = calibrate(&images, &["--check", "--against", &session]);
+    assert_eq!(same.status.code(), Some(0), "{}{}", text(&same.stdout), text(&same.stderr));
+    assert!(text(&same.stdout).contains("mm at the board"), "{}", text(&same.stdout));
+    let sunk = board_images(folder, "sunk", &camera([0.05, -0.4, 0.598]), false);
+    let drifted = calibrate(&sunk, &["--check", "--against", &session]);
+    assert_eq!(drifted.status.code(), Some(1), "{}", text(&drifted.stdout));
+
+    let mixed = [images[0].clone(), sunk[1].clone()];
+    let moved = calibrate(&mixed, &["--date", "2024-02-28"]);
+    assert_eq!(moved.status.code(), Some(1));
+    assert!(text(&moved.stderr).contains("something moved"), "{}", text(&moved.stderr));
+    assert_eq!(calibrate(&images, &["--check"]).status.code(), Some(2));
+    assert_eq!(calibrate(&images, &["--date", "2024-02-28", "--ball=0,0,30,60"]).status.code(), Some(2));
+    let symmetric = ["--board", "9x7", "--square", "25mm", "--at", "0,0,0", "--frame", "camera"];
+    let refused = stillpoint(
+        folder,
+        &[&["calibrate", "camera", &images[0]], &symmetric[..], &intrinsics, &["--date", "2024-02-28"]]
+            .concat(),
+    );
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("looks the same when it is turned"), "{}", text(&refused.stderr));
 }

@@ -1,5 +1,6 @@
-//! Where a camera is over the couch: three or more balls of known size and place are found in its images.
+//! Where a camera is over the couch: three or more balls of known size and place, or a printed board, are found in its images.
 //!
+//! - [`mod@board`]: a checkerboard in grey images
 //! - `still`: the median of the images of a scene that stands still
 //! - `targets`: balls on the couch, and whether they determine a place
 //! - `balls`: balls of a known radius in a still image
@@ -9,6 +10,7 @@
 //! - `scale`: a flat plate at two distances: unit of the depth, and how flat it is measured
 
 mod balls;
+pub mod board;
 mod error;
 mod place;
 mod residual;
@@ -19,7 +21,7 @@ mod targets;
 
 pub use balls::FoundBall;
 pub use error::ExtrinsicError;
-pub use place::{Limits, Placed, place};
+pub use place::{Limits, Placed, at_and_rotation, place};
 pub use residual::Parts;
 pub use scale::{DepthScale, depth_scale};
 pub use still::{Still, StillImages};

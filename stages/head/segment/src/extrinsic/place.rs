@@ -51,12 +51,12 @@ impl Placed {
     pub fn residual(&self) -> f64 {
         self.residuals.iter().copied().fold(0.0, f64::max)
     }
+}
 
-    /// Translation (m) and turns about the couch's fixed x, then y, then z axis (rad), as `frames:` writes them.
-    pub fn at_and_rotation(&self) -> ([f64; 3], [f64; 3]) {
-        let (x, y, z) = self.couch_from_camera.rotation.euler_angles();
-        (self.couch_from_camera.translation.vector.into(), [x, y, z])
-    }
+/// Translation (m) and turns about the couch's fixed x, then y, then z axis (rad), as `frames:` writes a place.
+pub fn at_and_rotation(couch_from_camera: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
+    let (x, y, z) = couch_from_camera.rotation.euler_angles();
+    (couch_from_camera.translation.vector.into(), [x, y, z])
 }
 
 /// Finds the balls and places the camera.

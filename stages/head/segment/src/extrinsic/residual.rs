@@ -10,7 +10,7 @@ use super::surface::SurfaceCheck;
 use super::targets::Targets;
 
 /// Height of a head over the couch, m.
-const HEAD_M: f64 = 0.15;
+pub(super) const HEAD_M: f64 = 0.15;
 /// One standard deviation of the stated place of a ball on each axis, m.
 const STATED_M: f64 = 0.5e-3;
 

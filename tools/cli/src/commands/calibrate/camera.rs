@@ -2,35 +2,53 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use nalgebra::{Isometry3, Point3, Vector3};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use stillpoint_operator::frames::{Frame, Frames, Rigid};
 use stillpoint_pose::isometry;
 use stillpoint_recorder::Session;
-use stillpoint_segment::extrinsic::{Ball, Limits, Parts, Placed, Targets, place};
+use stillpoint_segment::extrinsic::{Still, at_and_rotation};
 
-use super::images;
+use super::{balls, board, images};
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::quantity::{quantity, within};
+use crate::quantity::within;
+use crate::recorded::with_topics;
 
 const DAY_NS: u64 = 86_400_000_000_000;
 
-/// Place a camera over the couch by three balls of known size and place, or check its place.
+/// Place a camera over the couch by balls or a printed board, or check its place.
 ///
-/// The session has depth images or clouds of a bare couch with the balls; nothing moves. The command finds the balls in the
-/// median of the images, prints how far each is from its place, and prints the entry of `frames:` with date and residual.
-/// With --check, it compares the place with the one that the session has, and exits with 1 if it drifted.
+/// With --ball, a session has depth images or clouds of a bare couch with three balls or more. With --board, PNG files are grey
+/// images of a checkerboard, such as infrared or amplitude images of a depth camera. Nothing moves meanwhile. The command finds
+/// the balls or the corners of the board, prints how far they are from their places, and prints the entry of `frames:` with date
+/// and residual. With --check, it compares the place with the one that the session has, and exits with 1 if it drifted.
 #[derive(Args)]
+#[command(group(ArgGroup::new("target").required(true).args(["balls", "board"])))]
 pub struct Camera {
-    /// The session with the images.
-    session: PathBuf,
+    /// The session with depth images or clouds; with --board, grey PNG files of 8 or 16 bits.
+    #[arg(value_name = "SESSION|PNG", required = true)]
+    images: Vec<PathBuf>,
     /// Topic of depth images or clouds of the camera.
-    #[arg(long, value_name = "TOPIC")]
-    topic: String,
+    #[arg(long, value_name = "TOPIC", required_unless_present = "board", conflicts_with = "board")]
+    topic: Option<String>,
     /// A ball: x, y and z of its centre over the couch, and its diameter, in mm, such as -110,-60,30,60. Three or more.
-    #[arg(long = "ball", value_name = "X,Y,Z,DIAMETER", required = true, allow_hyphen_values = true)]
+    #[arg(long = "ball", value_name = "X,Y,Z,DIAMETER", allow_hyphen_values = true)]
     balls: Vec<String>,
+    /// A checkerboard: its inner corners along both sides, one number odd and one even, such as 11x8.
+    #[arg(long, value_name = "COUNTxCOUNT", requires_all = ["square", "at", "intrinsics", "frame"])]
+    board: Option<String>,
+    /// Side of a square of the board as printed.
+    #[arg(long, value_name = "LENGTH", requires = "board")]
+    square: Option<String>,
+    /// Where the middle of the board is over the couch: x, y and z in mm, and its turn about z in degrees, such as 0,30,2,90.
+    /// The board's axis is along the odd number of corners, from the end with black outermost squares to the end with white
+    /// ones; with turn 0, it is along x.
+    #[arg(long, value_name = "X,Y,Z[,TURN]", allow_hyphen_values = true, requires = "board")]
+    at: Option<String>,
+    /// Focal lengths and principal point of the grey images, in pixels: fx,fy,cx,cy.
+    #[arg(long, value_name = "FX,FY,CX,CY", requires = "board")]
+    intrinsics: Option<String>,
     /// Frame of the couch.
     #[arg(long, value_name = "FRAME", default_value = "couch")]
     parent: String,
@@ -43,21 +61,45 @@ pub struct Camera {
     /// Compare with the place that the session has.
     #[arg(long)]
     check: bool,
-    /// Largest drift at the balls, with --check.
+    /// The session with the place to compare with. Default: that of the images.
+    #[arg(long, value_name = "SESSION", requires = "check")]
+    against: Option<PathBuf>,
+    /// Largest drift at the balls or the board, with --check.
     #[arg(long, value_name = "LENGTH", default_value = "0.5mm")]
     drift: String,
     /// Largest turn, with --check.
     #[arg(long, value_name = "ANGLE", default_value = "0.1deg")]
     turn: String,
-    /// Largest distance of a ball from its place.
+    /// Largest distance of a ball or a corner from its place.
     #[arg(long, value_name = "LENGTH", default_value = "1mm")]
     residual: String,
     /// Do not compare the couch around the balls with height 0. The residual then has 0.5 mm for each stated place.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "board")]
     without_surface: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// What images show of a camera, whatever they are of.
+pub struct Found {
+    pub couch_from_camera: Isometry3<f64>,
+    /// The error of the place, m.
+    pub error: f64,
+    /// What is printed before the residual.
+    pub lines: Vec<String>,
+    /// Parts of the residual as they are printed.
+    pub parts: String,
+    /// How it was measured: the comment of the entry.
+    pub method: String,
+    /// The name of what is on the couch.
+    pub target: &'static str,
+    /// Where drift counts, in the couch's frame, m.
+    pub places: Vec<Vector3<f64>>,
+    /// Fields of the JSON that only this target has.
+    pub fields: Map<String, Value>,
+    /// Images that count.
+    pub images: usize,
 }
 
 impl Camera {
@@ -67,30 +109,43 @@ impl Camera {
         let drift = within("drift", &self.drift, "mm", [0.01, 20.0])?;
         let turn = within("turn", &self.turn, "deg", [0.001, 10.0])?;
         let date = self.date.as_deref().map(date).transpose()?;
-        let balls = self.balls.iter().map(|text| ball(text)).collect::<Result<_, _>>()?;
-        let targets = Targets::new(balls).map_err(Failure::wrong)?;
-        let images = images::read(&self.session, &self.topic)?;
-        // A simulated session has no day.
-        let clock = images.session.clock().first().filter(|clock| clock.realtime_ns > 0);
-        if let (Some(date), Some(clock)) = (date, clock) {
-            not_later(date, clock.realtime_ns / DAY_NS)?;
-        }
-        let still = images.images.still().map_err(Failure::wrong)?;
-        let surface = if self.without_surface { None } else { Limits::default().surface };
-        let limits = Limits { residual, surface, ..Limits::default() };
-        let placed = place(&still, &targets, limits).map_err(Failure::failed)?;
-        let frame = self.frame.clone().or(images.frame.clone()).ok_or_else(|| {
-            Failure::wrong(format!("{} is in no frame: name that of the camera with --frame", self.topic))
+        let (found, frame, session) = match (&self.board, &self.topic) {
+            (Some(counts), _) => {
+                let text = |given: &Option<String>| given.clone().unwrap_or_default();
+                let board = board::board(counts, &text(&self.square), &text(&self.at))?;
+                let lens = board::lens(&text(&self.intrinsics))?;
+                (board::found(&self.images, &board, &lens, residual)?, None, None)
+            }
+            (None, topic) => {
+                let balls = balls::targets(&self.balls)?;
+                let (found, frame, session) =
+                    self.in_session(topic.as_deref().unwrap_or_default(), date, |still| {
+                        balls::found(still, &balls, residual, !self.without_surface)
+                    })?;
+                (found, frame, Some(session))
+            }
+        };
+        let frame = self.frame.clone().or(frame).ok_or_else(|| {
+            let topic = self.topic.as_deref().unwrap_or_default();
+            Failure::wrong(format!("{topic} is in no frame: name that of the camera with --frame"))
         })?;
-        let measured = Measured { placed, frame, parent: self.parent.clone(), images: images.images.count() };
-        let drifted = match self.check {
-            true => Some(measured.drift(&images.session, &targets)?),
-            false => None,
+        let measured = Measured { found, frame, parent: self.parent.clone() };
+        let drifted = match (self.check, &self.against, &session) {
+            (false, ..) => None,
+            (true, Some(path), _) => {
+                Some(measured.drift(&with_topics(Session::open(path.as_path()), path)?)?)
+            }
+            (true, None, Some(session)) => Some(measured.drift(session)?),
+            (true, None, None) => {
+                return Err(Failure::wrong(
+                    "--check: name the session with the place to compare with by --against",
+                ));
+            }
         };
         if self.json {
             print_json(&measured.reported(drifted))?;
         } else {
-            measured.print(&targets);
+            measured.print();
             if let Some(date) = date {
                 outln!("\n{}", measured.yaml(date));
             }
@@ -99,13 +154,35 @@ impl Camera {
         let is_met = found.drift_mm <= drift && found.turn_deg <= turn;
         if !self.json {
             outln!(
-                "\n{}: {:.2} mm at the balls (allowed: {drift} mm), {:.3} degrees (allowed: {turn})",
+                "\n{}: {:.2} mm at the {} (allowed: {drift} mm), {:.3} degrees (allowed: {turn})",
                 if is_met { "pass" } else { "FAIL" },
                 found.drift_mm,
+                measured.found.target,
                 found.turn_deg
             );
         }
         Ok(if is_met { Exit::Done } else { Exit::Failed })
+    }
+
+    /// What the images of a session show, with the frame of their topic.
+    fn in_session(
+        &self,
+        topic: &str,
+        date: Option<&str>,
+        find: impl FnOnce(&Still) -> Result<Found, Failure>,
+    ) -> Result<(Found, Option<String>, Session), Failure> {
+        let [path] = self.images.as_slice() else {
+            return Err(Failure::wrong(format!("{} sessions are given: give one", self.images.len())));
+        };
+        let images = images::read(path, topic)?;
+        // A simulated session has no day.
+        let clock = images.session.clock().first().filter(|clock| clock.realtime_ns > 0);
+        if let (Some(date), Some(clock)) = (date, clock) {
+            not_later(date, clock.realtime_ns / DAY_NS)?;
+        }
+        let still = images.images.still().map_err(Failure::wrong)?;
+        let found = Found { images: images.images.count(), ..find(&still)? };
+        Ok((found, images.frame, images.session))
     }
 }
 
@@ -118,73 +195,41 @@ struct Drift {
 
 /// A camera with its names.
 struct Measured {
-    placed: Placed,
+    found: Found,
     frame: String,
     parent: String,
-    images: usize,
 }
 
 impl Measured {
     /// The error that the pipeline file states, mm, rounded up.
     fn residual_mm(&self) -> f64 {
-        (1e5 * self.placed.error.sum()).ceil() / 100.0
+        (1e5 * self.found.error).ceil() / 100.0
     }
 
-    fn print(&self, targets: &Targets) {
-        for ((found, given), off) in self.placed.balls.iter().zip(targets.balls()).zip(&self.placed.residuals)
-        {
-            let [x, y, z] = [0, 1, 2].map(|axis| 1e3 * given.at[axis]);
-            outln!(
-                "ball at ({x}, {y}, {z}) mm: {:.2} mm off, diameter {:.2} mm (given: {:.2}), {} points, depths {:.2} mm rms",
-                1e3 * off,
-                2e3 * found.free_radius,
-                1e3 * given.diameter,
-                found.points,
-                1e3 * found.rms
-            );
+    fn print(&self) {
+        for line in &self.found.lines {
+            outln!("{line}");
         }
-        outln!("distances between balls: {:+.2} % of those given", 100.0 * self.placed.scale);
-        match self.placed.surface {
-            Some(surface) => outln!(
-                "couch around the balls: {:+.2} mm high, tilted by {:.3} degrees, {:.2} mm rms from a plane, {} points",
-                1e3 * surface.height,
-                surface.tilt.to_degrees(),
-                1e3 * surface.rms,
-                surface.points
-            ),
-            None => outln!("couch around the balls: not compared"),
-        }
-        let Parts { balls, height, tilt, scale, stated } = self.placed.error;
-        let [balls, height, tilt, scale, stated] = [balls, height, tilt, scale, stated].map(|m| 1e3 * m);
-        let couch = match self.placed.surface {
-            Some(_) => format!("height {height:.2}, tilt at a head {tilt:.2}"),
-            None => format!("stated places of the balls at a head {stated:.2}"),
-        };
-        outln!(
-            "residual: {:.2} mm (balls {balls:.2}, {couch}, scale at a head {scale:.2})",
-            self.residual_mm()
-        );
-        outln!("images: {}", self.images);
+        outln!("residual: {:.2} mm ({})", self.residual_mm(), self.found.parts);
+        outln!("images: {}", self.found.images);
     }
 
     /// The entry of `frames:`.
     fn yaml(&self, date: &str) -> String {
-        let (at, rotation) = self.placed.at_and_rotation();
+        let (at, rotation) = at_and_rotation(&self.found.couch_from_camera);
         let at = at.map(|part| format!("{:.3} mm", 1e3 * part)).join(", ");
         let rotation = rotation.map(|part| format!("{:.4} deg", part.to_degrees())).join(", ");
         format!(
-            "frames:\n  # stillpoint calibrate camera: {} balls, {} images, largest distance of a ball from its place {:.2} mm\n  \
-             {}: {{ parent: {}, at: [{at}], rotation: [{rotation}], measured: {date}, residual: {:.2} mm }}",
-            self.placed.balls.len(),
-            self.images,
-            1e3 * self.placed.residual(),
+            "frames:\n  # stillpoint calibrate camera: {}\n  {}: {{ parent: {}, at: [{at}], rotation: [{rotation}], measured: \
+             {date}, residual: {:.2} mm }}",
+            self.found.method,
             self.frame,
             self.parent,
             self.residual_mm(),
         )
     }
 
-    fn drift(&self, session: &Session, targets: &Targets) -> Result<Drift, Failure> {
+    fn drift(&self, session: &Session) -> Result<Drift, Failure> {
         let mut frames = Frames::default();
         for placed in session.frames() {
             let turn = isometry(placed.translation, placed.rotation).rotation.to_rotation_matrix();
@@ -201,57 +246,34 @@ impl Measured {
             ))
         })?;
         let before: Isometry3<f64> = isometry(before.translation, before.quaternion());
-        let now = &self.placed.couch_from_camera;
-        // Where the old place would have each ball.
-        let off = |ball: &Ball| {
-            let at = Point3::from(ball.at);
+        let now = &self.found.couch_from_camera;
+        // Where the old place would have each ball or corner.
+        let off = |at: &Vector3<f64>| {
+            let at = Point3::from(*at);
             (before * now.inverse() * at - at).norm()
         };
-        let drift_mm = 1e3 * targets.balls().iter().map(off).fold(0.0, f64::max);
+        let drift_mm = 1e3 * self.found.places.iter().map(off).fold(0.0, f64::max);
         Ok(Drift { drift_mm, turn_deg: before.rotation.angle_to(&now.rotation).to_degrees() })
     }
 
     fn reported(&self, drift: Option<Drift>) -> Value {
-        let (at, rotation) = self.placed.at_and_rotation();
-        json!({
+        let (at, rotation) = at_and_rotation(&self.found.couch_from_camera);
+        let mut fields = self.found.fields.clone();
+        let common = json!({
             "frame": self.frame,
             "parent": self.parent,
             "at_m": at,
             "rotation_rad": rotation,
             "residual_mm": self.residual_mm(),
-            "ball_residuals_mm": self.placed.residuals.iter().map(|off| 1e3 * off).collect::<Vec<_>>(),
-            "distance_scale": self.placed.scale,
-            "residual_parts_mm": {
-                "balls": 1e3 * self.placed.error.balls,
-                "height": 1e3 * self.placed.error.height,
-                "tilt": 1e3 * self.placed.error.tilt,
-                "scale": 1e3 * self.placed.error.scale,
-                "stated": 1e3 * self.placed.error.stated,
-            },
-            "surface_height_mm": self.placed.surface.map(|surface| 1e3 * surface.height),
-            "surface_tilt_deg": self.placed.surface.map(|surface| surface.tilt.to_degrees()),
-            "images": self.images,
+            "images": self.found.images,
             "drift_mm": drift.map(|drift| drift.drift_mm),
             "turn_deg": drift.map(|drift| drift.turn_deg),
-        })
+        });
+        if let Value::Object(common) = common {
+            fields.extend(common);
+        }
+        Value::Object(fields)
     }
-}
-
-/// A ball of the command line.
-fn ball(text: &str) -> Result<Ball, Failure> {
-    let parts: Vec<&str> = text.split(',').collect();
-    let &[x, y, z, diameter] = parts.as_slice() else {
-        return Err(Failure::wrong(format!(
-            "--ball {text}: give x,y,z,diameter in mm, such as -110,-60,30,60"
-        )));
-    };
-    let mm = |part: &str| {
-        let part = part.trim();
-        let with_unit = if part.ends_with("mm") { part.to_owned() } else { format!("{part}mm") };
-        quantity(&with_unit, "mm", &format!("--ball {text}"))
-    };
-    let at = Vector3::new(mm(x)?, mm(y)?, mm(z)?) * 1e-3;
-    Ok(Ball { at, diameter: 1e-3 * mm(diameter)? })
 }
 
 /// A day as `frames:` takes it.
@@ -273,7 +295,7 @@ fn not_later(date: &str, recorded: u64) -> Result<(), Failure> {
     let in_year: u32 = (1..month).map(|month| days(year, month)).sum();
     match u64::from(before + in_year + day).saturating_sub(1) > recorded + 1 {
         true => Err(Failure::wrong(format!(
-            "--date {date}: the session was recorded before that day; give the day on which the balls were measured"
+            "--date {date}: the session was recorded before that day; give the day of the measurement"
         ))),
         false => Ok(()),
     }

@@ -1,9 +1,12 @@
 //! `stillpoint calibrate`
 //!
-//! - `camera`: camera to couch, by balls
+//! - `camera`: camera to couch: arguments, entry of `frames:` and drift
+//! - `balls`, `board`: what it is measured by
 //! - `depth`: unit of the depth, by a plate at two distances
 //! - `images`: the images of a session
 
+mod balls;
+mod board;
 mod camera;
 mod depth;
 mod images;
@@ -21,7 +24,7 @@ pub struct Calibrate {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Place a camera over the couch by three balls of known size and place, or check its place.
+    /// Place a camera over the couch by balls or a printed board, or check its place.
     Camera(camera::Camera),
     /// Check the unit of the depth by a flat plate at two distances.
     Depth(depth::Depth),

@@ -1,7 +1,5 @@
 //! Cameras placed by balls, in rendered images with the errors of real cameras.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -13,7 +11,8 @@ use stillpoint_rig::scene::{Form, Label, Object, Scene};
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_segment::extrinsic::{
-    Ball, DepthScale, ExtrinsicError, Limits, Placed, Still, StillImages, Targets, depth_scale, place,
+    Ball, DepthScale, ExtrinsicError, Limits, Placed, Still, StillImages, Targets, at_and_rotation,
+    depth_scale, place,
 };
 
 /// Centres in mm over the couch and a diameter in mm.
@@ -106,7 +105,7 @@ fn a_camera_is_placed_to_a_fifth_of_a_millimetre_and_a_twentieth_of_a_degree() {
         assert!(surface.height.abs() < 0.5e-3 && surface.tilt.to_degrees() < 0.1, "{surface:?}");
         assert!(placed.error.sum() < 0.6e-3 && placed.error.stated == 0.0, "{from:?}: {:?}", placed.error);
         // As `frames:` writes it, it is the same transform.
-        let ([x, y, z], [rx, ry, rz]) = placed.at_and_rotation();
+        let ([x, y, z], [rx, ry, rz]) = at_and_rotation(&placed.couch_from_camera);
         let back =
             Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(rx, ry, rz));
         assert!(back.rotation.angle_to(&placed.couch_from_camera.rotation) < 1e-12);
