@@ -28,7 +28,7 @@ fn parameters_of_two_operators_that_contradict_each_other_are_refused_with_their
         (
             "params: { follow: pose }",
             "params: { follow: z }",
-            "law: { use",
+            "inputs: { state: filter.state, target: target.reference }",
             "filter follows z, so its estimate lacks pitch, roll",
         ),
         (
