@@ -28,7 +28,7 @@ fn parameters_of_two_operators_that_contradict_each_other_are_refused_with_their
         (
             "params: { follow: pose }",
             "params: { follow: z }",
-            "inputs: { state: filter.state, target: target.reference }",
+            "law: { use",
             "filter follows z, so its estimate lacks pitch, roll",
         ),
         (
