@@ -311,7 +311,11 @@ fn every_frame_of_the_default_pipeline_becomes_a_state() {
     let captured: Vec<usize> = (0..30).filter(|i| status(*i) == PoseStatus::Captured).collect();
     assert!(captured.len() == 2 && captured[0] == 0 && (5..=6).contains(&captured[1]), "{captured:?}");
     let others: Vec<_> = (0..30).map(|i| (i, status(i))).filter(|(i, _)| !captured.contains(i)).collect();
-    assert!(others.iter().all(|(_, status)| *status == PoseStatus::Tracked), "{others:?}");
+    // Now and then one is found by the search, in the same frame.
+    let has_pose = |status| matches!(status, PoseStatus::Tracked | PoseStatus::Found);
+    assert!(others.iter().all(|(_, status)| has_pose(*status)), "{others:?}");
+    let tracked = others.iter().filter(|(_, status)| *status == PoseStatus::Tracked).count();
+    assert!(tracked >= 24, "{others:?}");
 }
 
 #[test]
