@@ -33,7 +33,7 @@ struct Sum {
     time: f64,
     inlet: f64,
     outlet: f64,
-    /// What is beyond in its windows.
+    /// What is beyond in its windows, above zero where orders go in.
     beyond: f64,
     /// Part of the inlet in the last window.
     part: Option<f64>,
@@ -58,9 +58,11 @@ impl Balance {
             sum.outlet += dt * (-effect).max(0.0);
             if sum.time >= WINDOW && sum.inlet + sum.outlet >= LEAST {
                 let part = sum.inlet / (sum.inlet + sum.outlet);
-                // Infinite where all orders go one way.
-                let one_way = libm::log(sum.inlet / sum.outlet).abs();
-                let beyond = (sum.beyond + (one_way - FOLLOWS).min(MOST)).clamp(0.0, 2.0 * MOST);
+                // Infinite where all orders go one way. What goes to and fro, as slow nods do, adds nothing up.
+                let one_way = libm::log(sum.inlet / sum.outlet);
+                let before = if sum.beyond * one_way > 0.0 { sum.beyond.abs() } else { 0.0 };
+                let beyond = (before + (one_way.abs() - FOLLOWS).min(MOST)).clamp(0.0, 2.0 * MOST);
+                let beyond = beyond.copysign(one_way);
                 *sum = Sum { beyond, part: Some(part), ..Sum::default() };
             }
         }
@@ -69,7 +71,7 @@ impl Balance {
     /// Whether one of the bladders does not follow its orders.
     #[must_use]
     pub fn is_missed(&self) -> bool {
-        self.sums.iter().any(|sum| sum.beyond >= 2.0 * MOST)
+        self.sums.iter().any(|sum| sum.beyond.abs() >= 2.0 * MOST)
     }
 
     /// Part of the inlet in the effect of all orders to a bladder in its last window; `None` before there was one.
@@ -119,6 +121,14 @@ mod tests {
         let breath = |t: f64| libm::sin(core::f64::consts::TAU * t / 4.0);
         let at = missed(60.0, |t| 0.02 * (0.4 + breath(t))).unwrap();
         assert!((23.9..32.2).contains(&at), "{at}");
+    }
+
+    #[test]
+    fn nods_slower_than_a_window_are_not_missed() {
+        for period in [8.5, 10.0, 12.5, 14.0, 16.0, 18.0, 20.0] {
+            let nod = |t: f64| 0.05 * libm::sin(core::f64::consts::TAU * t / period);
+            assert_eq!(missed(600.0, nod), None, "{period}");
+        }
     }
 
     #[test]
