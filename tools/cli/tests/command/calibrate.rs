@@ -1,4 +1,5 @@
-//! `stillpoint calibrate`: a camera by rendered images of three balls, or of a printed board.
+//! `stillpoint calibrate`: a camera by rendered images of three balls, a printed board or the
+//! couch's edges.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -251,7 +252,8 @@ fn a_camera_is_placed_by_a_board_and_compared_with_a_session() {
     let drifted = calibrate(&sunk, &["--check", "--against", &session]);
     assert_eq!(drifted.status.code(), Some(1), "{}", text(&drifted.stdout));
 
-    let mixed = [images[0].clone(), sunk[1].clone()];
+    let lower = board_images(folder, "lower", &camera([0.05, -0.4, 0.585]), false);
+    let mixed = [images[0].clone(), lower[1].clone()];
     let moved = calibrate(&mixed, &["--date", "2024-02-28"]);
     assert_eq!(moved.status.code(), Some(1));
     assert!(text(&moved.stderr).contains("something moved"), "{}", text(&moved.stderr));
@@ -265,4 +267,40 @@ fn a_camera_is_placed_by_a_board_and_compared_with_a_session() {
     );
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("looks the same when it is turned"), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn a_camera_is_placed_by_the_edges_of_the_couch() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.12);
+    let over = camera([0.02, 0.0, 0.75]);
+    let truth = Isometry3::from_parts(Translation3::new(0.02, 0.05, 0.75), over.rotation * turned);
+    let anywhere = "frames:\n  camera: { parent: couch, at: [0 mm, 0 mm, 0 mm] }";
+    let session = recorded(folder, "bare", &truth, &[], anywhere);
+    let calibrate = |session: &str, width: &str, more: &[&str]| {
+        let target = ["--couch-width", width, "--head-end", "350mm"];
+        stillpoint(
+            folder,
+            &[&["calibrate", "camera", session, "--topic", "cloud.cloud"], &target[..], more].concat(),
+        )
+    };
+    let placed = calibrate(&session, "530mm", &["--date", "2024-02-28"]);
+    let printed = text(&placed.stdout);
+    assert_eq!(placed.status.code(), Some(0), "{printed}{}", text(&placed.stderr));
+    let entry = &printed[printed.find("frames:").unwrap()..];
+    assert!(entry.contains("three edges of the couch") && entry.contains("measured: 2024-02-28"), "{entry}");
+
+    let session = recorded(folder, "placed", &truth, &[], entry);
+    let same = calibrate(&session, "530mm", &["--check", "--json"]);
+    let answer: Value = serde_json::from_slice(&same.stdout).unwrap();
+    assert_eq!(same.status.code(), Some(0), "{answer}");
+    let at: Vec<f64> = answer["at_m"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    let off = (Vector3::from_column_slice(&at) - truth.translation.vector).norm();
+    assert!(off < 1e-3 && 1e3 * off < answer["residual_mm"].as_f64().unwrap(), "{off} {answer}");
+
+    let wide = calibrate(&session, "560mm", &["--check"]);
+    assert_eq!(wide.status.code(), Some(1));
+    assert!(text(&wide.stderr).contains("560.0 mm are given"), "{}", text(&wide.stderr));
+    assert_eq!(calibrate(&session, "530", &["--check"]).status.code(), Some(2));
 }

@@ -1,6 +1,8 @@
-//! Where a camera is over the couch: three or more balls of known size and place, or a printed board, are found in its images.
+//! Where a camera is over the couch: three or more balls of known size and place, a printed board, or the couch's edges are
+//! found in its images.
 //!
 //! - [`mod@board`]: a checkerboard in grey images
+//! - [`mod@edges`]: the bare couch by its plane and edges
 //! - `still`: the median of the images of a scene that stands still
 //! - `targets`: balls on the couch, and whether they determine a place
 //! - `balls`: balls of a known radius in a still image
@@ -11,6 +13,7 @@
 
 mod balls;
 pub mod board;
+pub mod edges;
 mod error;
 mod place;
 mod residual;

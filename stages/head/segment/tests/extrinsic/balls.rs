@@ -27,7 +27,7 @@ fn targets() -> Targets {
     Targets::new(balls(&BALLS)).unwrap()
 }
 
-fn scene(of: &[[f64; 4]]) -> Scene {
+pub fn scene(of: &[[f64; 4]]) -> Scene {
     let mut scene = Scene::bare_couch().unwrap();
     scene.add(of.iter().map(|[x, y, z, d]| {
         let at = Translation3::new(x * 1e-3, y * 1e-3, z * 1e-3);
@@ -51,7 +51,7 @@ fn camera(from: [f64; 3], turn: f64) -> Isometry3<f64> {
 }
 
 /// The images of a scene, in the camera's own unit times `unit`.
-fn images(
+pub fn images(
     kind: &Kind,
     noise: NoiseParams,
     at: &Isometry3<f64>,

@@ -4,3 +4,4 @@
 
 mod balls;
 mod board;
+mod edges;

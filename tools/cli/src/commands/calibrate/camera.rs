@@ -10,21 +10,21 @@ use stillpoint_pose::isometry;
 use stillpoint_recorder::Session;
 use stillpoint_segment::extrinsic::{Still, at_and_rotation};
 
-use super::{balls, board, images};
+use super::{balls, board, edges, images};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::quantity::within;
 use crate::recorded::with_topics;
 
 const DAY_NS: u64 = 86_400_000_000_000;
 
-/// Place a camera over the couch by balls or a printed board, or check its place.
+/// Place a camera over the couch by balls, a printed board or the couch's edges, or check its place.
 ///
-/// With --ball, a session has depth images or clouds of a bare couch with three balls or more. With --board, PNG files are grey
-/// images of a checkerboard, such as infrared or amplitude images of a depth camera. Nothing moves meanwhile. The command finds
-/// the balls or the corners of the board, prints how far they are from their places, and prints the entry of `frames:` with date
-/// and residual. With --check, it compares the place with the one that the session has, and exits with 1 if it drifted.
+/// With --ball, a session has depth images or clouds of a bare couch with three balls or more; with --couch-width, of the bare
+/// couch with its long edges and its head end. With --board, PNG files are grey images of a checkerboard, such as infrared or
+/// amplitude images of a depth camera. Nothing moves meanwhile. The command finds the balls, edges or corners, prints how far
+/// they are from their places, and prints the entry of `frames:` with date and residual. With --check, it compares the place with the one that the session has, and exits with 1 if it drifted.
 #[derive(Args)]
-#[command(group(ArgGroup::new("target").required(true).args(["balls", "board"])))]
+#[command(group(ArgGroup::new("target").required(true).args(["balls", "board", "couch_width"])))]
 pub struct Camera {
     /// The session with depth images or clouds; with --board, grey PNG files of 8 or 16 bits.
     #[arg(value_name = "SESSION|PNG", required = true)]
@@ -49,6 +49,12 @@ pub struct Camera {
     /// Focal lengths and principal point of the grey images, in pixels: fx,fy,cx,cy.
     #[arg(long, value_name = "FX,FY,CX,CY", requires = "board")]
     intrinsics: Option<String>,
+    /// Width of the couch's top between its long edges.
+    #[arg(long, value_name = "LENGTH", requires = "head_end")]
+    couch_width: Option<String>,
+    /// y of the edge at the head end of the couch's top.
+    #[arg(long, value_name = "LENGTH", requires = "couch_width", allow_hyphen_values = true)]
+    head_end: Option<String>,
     /// Frame of the couch.
     #[arg(long, value_name = "FRAME", default_value = "couch")]
     parent: String,
@@ -64,7 +70,7 @@ pub struct Camera {
     /// The session with the place to compare with. Default: that of the images.
     #[arg(long, value_name = "SESSION", requires = "check")]
     against: Option<PathBuf>,
-    /// Largest drift at the balls or the board, with --check.
+    /// Largest drift at the balls, the board or the head end, with --check.
     #[arg(long, value_name = "LENGTH", default_value = "0.5mm")]
     drift: String,
     /// Largest turn, with --check.
@@ -74,7 +80,7 @@ pub struct Camera {
     #[arg(long, value_name = "LENGTH", default_value = "1mm")]
     residual: String,
     /// Do not compare the couch around the balls with height 0. The residual then has 0.5 mm for each stated place.
-    #[arg(long, conflicts_with = "board")]
+    #[arg(long, conflicts_with_all = ["board", "couch_width"])]
     without_surface: bool,
     /// Print JSON.
     #[arg(long)]
@@ -109,25 +115,30 @@ impl Camera {
         let drift = within("drift", &self.drift, "mm", [0.01, 20.0])?;
         let turn = within("turn", &self.turn, "deg", [0.001, 10.0])?;
         let date = self.date.as_deref().map(date).transpose()?;
-        let (found, frame, session) = match (&self.board, &self.topic) {
+        let text = |given: &Option<String>| given.clone().unwrap_or_default();
+        let (found, frame, session) = match (&self.board, &self.couch_width) {
             (Some(counts), _) => {
-                let text = |given: &Option<String>| given.clone().unwrap_or_default();
                 let board = board::board(counts, &text(&self.square), &text(&self.at))?;
                 let lens = board::lens(&text(&self.intrinsics))?;
                 (board::found(&self.images, &board, &lens, residual)?, None, None)
             }
-            (None, topic) => {
+            (None, Some(width)) => {
+                let couch = edges::couch(width, &text(&self.head_end))?;
+                let found = self.in_session(date, |still| edges::found(still, &couch))?;
+                (found.0, found.1, Some(found.2))
+            }
+            (None, None) => {
                 let balls = balls::targets(&self.balls)?;
-                let (found, frame, session) =
-                    self.in_session(topic.as_deref().unwrap_or_default(), date, |still| {
-                        balls::found(still, &balls, residual, !self.without_surface)
-                    })?;
-                (found, frame, Some(session))
+                let compare = !self.without_surface;
+                let found = self.in_session(date, |still| balls::found(still, &balls, residual, compare))?;
+                (found.0, found.1, Some(found.2))
             }
         };
         let frame = self.frame.clone().or(frame).ok_or_else(|| {
-            let topic = self.topic.as_deref().unwrap_or_default();
-            Failure::wrong(format!("{topic} is in no frame: name that of the camera with --frame"))
+            Failure::wrong(format!(
+                "{} is in no frame: name that of the camera with --frame",
+                text(&self.topic)
+            ))
         })?;
         let measured = Measured { found, frame, parent: self.parent.clone() };
         let drifted = match (self.check, &self.against, &session) {
@@ -167,14 +178,13 @@ impl Camera {
     /// What the images of a session show, with the frame of their topic.
     fn in_session(
         &self,
-        topic: &str,
         date: Option<&str>,
         find: impl FnOnce(&Still) -> Result<Found, Failure>,
     ) -> Result<(Found, Option<String>, Session), Failure> {
         let [path] = self.images.as_slice() else {
             return Err(Failure::wrong(format!("{} sessions are given: give one", self.images.len())));
         };
-        let images = images::read(path, topic)?;
+        let images = images::read(path, self.topic.as_deref().unwrap_or_default())?;
         // A simulated session has no day.
         let clock = images.session.clock().first().filter(|clock| clock.realtime_ns > 0);
         if let (Some(date), Some(clock)) = (date, clock) {

@@ -1,7 +1,7 @@
 //! `stillpoint calibrate`
 //!
 //! - `camera`: camera to couch: arguments, entry of `frames:` and drift
-//! - `balls`, `board`: what it is measured by
+//! - `balls`, `board`, `edges`: what it is measured by
 //! - `depth`: unit of the depth, by a plate at two distances
 //! - `images`: the images of a session
 
@@ -9,6 +9,7 @@ mod balls;
 mod board;
 mod camera;
 mod depth;
+mod edges;
 mod images;
 
 use clap::{Args, Subcommand};
@@ -24,7 +25,7 @@ pub struct Calibrate {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Place a camera over the couch by balls or a printed board, or check its place.
+    /// Place a camera over the couch by balls, a printed board or the couch's edges, or check its place.
     Camera(camera::Camera),
     /// Check the unit of the depth by a flat plate at two distances.
     Depth(depth::Depth),
