@@ -186,7 +186,8 @@ fn intrinsics_of_another_camera_are_refused() {
     let (view, light, exposure) = plain();
     let picture = view.picture(&taken(&light, &exposure, 1));
     let fault = |lens: Lens| {
-        place_by_board(&[picture.clone()], &view.board, &lens, BoardLimits::default()).unwrap_err()
+        place_by_board(std::slice::from_ref(&picture), &view.board, &lens, BoardLimits::default())
+            .unwrap_err()
     };
     let lens = view.lens();
     let long = fault(Lens { fx: 1.2 * lens.fx, fy: 1.2 * lens.fy, ..lens });

@@ -26,9 +26,9 @@ pub fn board(counts: &str, square: &str, at: &str) -> Result<Board, Failure> {
     };
     let square = 1e-3 * within("square", square, "mm", [2.0, 200.0])?;
     let parts: Vec<&str> = at.split(',').collect();
-    let [x, y, z, turn] = match parts.as_slice() {
-        &[x, y, z] => [x, y, z, "0"],
-        &[x, y, z, turn] => [x, y, z, turn],
+    let [x, y, z, turn] = match *parts.as_slice() {
+        [x, y, z] => [x, y, z, "0"],
+        [x, y, z, turn] => [x, y, z, turn],
         _ => {
             return Err(Failure::wrong(format!(
                 "--at {at}: give x,y,z of the board's middle in mm, and its turn in degrees, such as 0,30,2,90"

@@ -26,7 +26,7 @@ pub struct Calibrate {
 #[derive(Subcommand)]
 enum Command {
     /// Place a camera over the couch by balls, a printed board or the couch's edges, or check its place.
-    Camera(camera::Camera),
+    Camera(Box<camera::Camera>),
     /// Check the unit of the depth by a flat plate at two distances.
     Depth(depth::Depth),
 }

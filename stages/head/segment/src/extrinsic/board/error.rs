@@ -147,7 +147,7 @@ pub enum BoardError {
     NoPose,
     /// The tilt of the board is poorly known.
     #[error(
-        "the tilt of the board is known to {found:.3} degrees (allowed: {most:.3}){}: look at the board from 20 to 50 degrees beside \
+        "the tilt of the board is known to {found:.3} degrees (allowed: {most:.3}){}: look at the board 20 to 50 degrees off \
          its normal, take a larger board or a nearer one, or more images", if *.twofold { ", and another tilt fits nearly as well" } else { "" }
     )]
     Tilt {

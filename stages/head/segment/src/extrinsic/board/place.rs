@@ -187,7 +187,7 @@ fn placed(
     }
     let turns = pose.covariance.fixed_view::<3, 3>(0, 0).into_owned();
     let tilt = turns.symmetric_eigenvalues().max().max(0.0).sqrt();
-    if !(tilt <= limits.tilt) || pose.twofold {
+    if tilt.is_nan() || tilt > limits.tilt || pose.twofold {
         let [found, most] = [tilt, limits.tilt].map(f64::to_degrees);
         return Err(BoardError::Tilt { found, most, twofold: pose.twofold });
     }

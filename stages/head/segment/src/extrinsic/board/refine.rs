@@ -46,8 +46,8 @@ pub(super) fn refine(
         }
         let step = across.try_inverse()? * right;
         at += step;
-        // Written so that NaN is refused.
-        if !((at - start).norm() < FARTHEST * shorter) {
+        let is_near = (at - start).norm() < FARTHEST * shorter;
+        if !is_near {
             return None;
         }
         if step.norm() < STILL {

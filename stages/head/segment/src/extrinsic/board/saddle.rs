@@ -68,8 +68,8 @@ pub(super) fn saddles(smooth: &Picture, sigma: f64, corners: usize) -> Vec<Saddl
 fn saddle(smooth: &Picture, sigma: f64, x: isize, y: isize) -> Option<Saddle> {
     let [xx, xy, yy] = smooth.curvature(x, y);
     let off = -(Matrix2::new(xx, xy, xy, yy).try_inverse()? * smooth.gradient(x, y));
-    // Written so that NaN is refused.
-    if !(off.norm() < 1.5) {
+    let is_near = off.norm() < 1.5;
+    if !is_near {
         return None;
     }
     let at = Vector2::new(x as f64, y as f64) + off;
