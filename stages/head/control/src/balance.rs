@@ -59,10 +59,10 @@ impl Balance {
             if sum.time >= WINDOW && sum.inlet + sum.outlet >= LEAST {
                 let part = sum.inlet / (sum.inlet + sum.outlet);
                 // Infinite where all orders go one way. What goes to and fro, as slow nods do, adds nothing up.
-                let one_way = libm::log(sum.inlet / sum.outlet);
-                let before = if sum.beyond * one_way > 0.0 { sum.beyond.abs() } else { 0.0 };
-                let beyond = (before + (one_way.abs() - FOLLOWS).min(MOST)).clamp(0.0, 2.0 * MOST);
-                let beyond = beyond.copysign(one_way);
+                let one_sided = libm::log(sum.inlet / sum.outlet);
+                let before = if sum.beyond * one_sided > 0.0 { sum.beyond.abs() } else { 0.0 };
+                let beyond = (before + (one_sided.abs() - FOLLOWS).min(MOST)).clamp(0.0, 2.0 * MOST);
+                let beyond = beyond.copysign(one_sided);
                 *sum = Sum { beyond, part: Some(part), ..Sum::default() };
             }
         }
