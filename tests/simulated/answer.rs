@@ -88,6 +88,23 @@ fn a_stuck_valve_and_a_leak_that_a_law_holds_are_a_fault_before_they_lose_the_he
 }
 
 #[test]
+fn orders_before_a_person_arms_are_not_held_against_the_valves() {
+    // The law acts for half a minute, nothing follows it, and its integrals grow one-sided.
+    let small =
+        "motion: breathes, camera: { every: 100 ms, width: 160 px, height: 120 px, focal_length: 141 px }";
+    let changes = [
+        ("motion: breathes, camera: { every: 100 ms }", small),
+        ("{ at: 1.5 s, say: arm, repeat: 500 ms }", "{ at: 35 s, say: arm, repeat: 500 ms }"),
+    ];
+    let run = default_pipeline(&changes, 60_000);
+    assert_eq!(fault(&run), None);
+    let last = |run: &Run| run.samples::<Actuation>("valves.state").last().unwrap().first().unwrap().state();
+    assert_eq!(last(&run), ActuationState::Armed);
+    let duties = run.samples::<Duties>("law.duties");
+    assert!(duties.iter().all(|d| d.first().unwrap().reasons & DutyReason::NoEffect.bit() == 0));
+}
+
+#[test]
 fn a_leak_that_measured_pressures_allow_for_is_a_warning() {
     let measured = "      disarm: console.disarm\n      measured: { from: rig.state, delay: 5 ms }\n";
     let run = broken(

@@ -70,6 +70,7 @@ fn the_example_of_a_transport_hands_a_pose_to_another_thread() {
 fn the_example_of_a_control_law_brings_the_head_to_its_target_in_the_default_pipeline() {
     let law = [
         ("use: control.pi", "use: my.proportional"),
+        (", actuation: { from: valves.state, delay: 10 ms } }, params", " }, params"),
         (
             "params: { rise: 5 s, proportional: 2.37 1/s, integral: 2.55, plant: { motion: learned, outlet: 0.54 } }",
             "params: { gain: 0.8 1/s }",

@@ -45,7 +45,7 @@ pub const INPUTS: &[Input] = &[
         sample: Actuation::KIND,
         policy: Policy::Latest,
         required: false,
-        about: "Pressures of the bladders, `valves.state`: required if there are more bladders than channels.",
+        about: "Pressures of the bladders and whether the valves follow, `valves.state`: required if there are more bladders than channels. Else it shows orders without effect.",
     },
 ];
 
@@ -96,6 +96,8 @@ pub struct ControllerShell {
     /// Where the model was when the law last acted, in scales, and the time since then, s.
     model: [f64; CHANNELS],
     dt: f64,
+    /// What the valves do, as far as it is known.
+    actuation: Option<ActuationState>,
     resting: bool,
     /// Of the samples that duties are made from; the pressures, which are made from duties, do not count.
     origin: Option<u64>,
@@ -153,8 +155,9 @@ impl ControllerShell {
         let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
         metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
         let learned = metrics.len();
-        let balance = (plant.effect.bladders() == plant.effect.channels()).then(Balance::default);
-        metrics.extend(learned_names(&plant).iter().map(|name| Metric::new(name, f64::NAN)));
+        let is_weighed = plant.effect.bladders() == plant.effect.channels() && setup.is_connected(ACTUATION);
+        let balance = is_weighed.then(Balance::default);
+        metrics.extend(learned_names(&plant, is_weighed).iter().map(|name| Metric::new(name, f64::NAN)));
         let model = ReferenceModel::new(pole_of_rise(rise), plant.channels.count());
         let tracking = Tracking::new(model, plant.delay);
         let learns = plant.motion == Motion::Learned;
@@ -163,6 +166,7 @@ impl ControllerShell {
             balance,
             model: [0.0; CHANNELS],
             dt: 0.0,
+            actuation: None,
             learned,
             logged: None,
             resting: true,
@@ -242,6 +246,7 @@ impl ControllerShell {
         let target = activation.input::<Target>(TARGET).map(|t| t.header.origin);
         self.origin = Some(state.into_iter().chain(target).min().unwrap_or(activation.time));
         let Some(actuation) = activation.input::<Actuation>(ACTUATION) else { return };
+        self.actuation = actuation.first().map(|a| a.state());
         if let Some(element) = actuation.first().filter(|a| a.state() == ActuationState::Armed) {
             self.squeeze.see(&element.pressure);
         }
@@ -365,14 +370,19 @@ impl ControllerShell {
         Ok(true)
     }
 
-    /// Sums what the bladders are to let in and out, and says whether one of them does not follow.
+    /// Sums what the bladders are to let in and out, and says whether one of them does not follow. Orders that the valves do
+    /// not follow do not count, and arming begins anew.
     fn weigh(&mut self, net: &[f64]) -> bool {
         let Some(balance) = &mut self.balance else { return false };
+        let follows = self.actuation == Some(ActuationState::Armed);
+        if !follows && self.actuation != Some(ActuationState::Holding) {
+            balance.restart();
+        }
         let model = self.tracking.model();
         let rests =
             model.iter().zip(&self.model).all(|(now, before)| (now - before).abs() <= RESTING * self.dt);
         self.model[..model.len()].copy_from_slice(model);
-        balance.take(net, self.dt, rests);
+        balance.take(net, self.dt, rests && follows);
         balance.is_missed()
     }
 
@@ -425,10 +435,10 @@ impl ControllerShell {
 }
 
 /// Names of the numbers about what is learned of patient and valves.
-fn learned_names(plant: &CheckedPlant) -> Vec<String> {
+fn learned_names(plant: &CheckedPlant, is_weighed: bool) -> Vec<String> {
     let mut names = Vec::new();
     let bladders = plant.effect.bladders();
-    if bladders == plant.effect.channels() {
+    if is_weighed {
         names.extend((0..bladders).map(|j| format!("inlet_part_{j}")));
     }
     if plant.motion == Motion::Learned {
