@@ -5,6 +5,7 @@
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use stillpoint_samples::{Header, Pieces, PointCloud, Pose, Sample};
 use stillpoint_shm::{Contract, CounterFault, Domain, PortRefusal, ShmError, Topic, Wake, sweep};
@@ -16,10 +17,13 @@ struct Room {
     prefix: String,
 }
 
+/// A domain's corner for one test alone: tests run at the same time, so a name that two of them give is not enough.
 fn room(name: &str) -> Room {
+    static ROOMS: AtomicU32 = AtomicU32::new(0);
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("d");
-    Room { _folder: folder, root, prefix: format!("spt{}_{name}_", std::process::id()) }
+    let number = ROOMS.fetch_add(1, Ordering::Relaxed);
+    Room { _folder: folder, root, prefix: format!("spt{}_{number}_{name}_", std::process::id()) }
 }
 
 impl Drop for Room {
