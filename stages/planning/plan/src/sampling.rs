@@ -20,8 +20,12 @@ const BORDER: f32 = 1.01;
 const NEAR_MM: f32 = 20.0;
 /// Structures smaller than this have every voxel as a point, cm3.
 const SMALL_CM3: f64 = 5.0;
+/// Every so many voxels along each axis one is a point farther from targets than that.
+const FAR: u8 = 3;
+/// The same where doses from all angles must be at hand.
+const FAR_AND_FEW: u8 = 5;
 /// Number of zones that any rule has.
-const ZONES: usize = 4;
+const ZONES: usize = FAR_AND_FEW as usize + 1;
 /// Points of the lattice along the width of a bixel, at least.
 const POINTS_A_BIXEL: f64 = 4.0;
 
@@ -49,6 +53,8 @@ pub struct Sampling {
 enum Rule {
     /// By steps that grow with the distance from the borders of targets.
     Borders,
+    /// The same with half of these points in and around targets and in organs, and longer steps elsewhere.
+    Sparse,
     /// By the role of the structure: all of targets, half of organs and of what is near a target, one in eighteen of the rest.
     Thinned,
 }
@@ -99,6 +105,18 @@ impl Sampling {
     ///
     /// Errors: a spacing or a width out of range, or too many voxels.
     pub fn new(case: &Case, spacing_mm: f64, bixel_mm: f64) -> Result<Self, DoseError> {
+        Self::at_borders(case, spacing_mm, bixel_mm, Rule::Borders)
+    }
+
+    /// The same with half of these points in and around targets and in organs, and about a fifth elsewhere: for what needs the
+    /// doses from all angles at hand.
+    ///
+    /// Errors: as above.
+    pub fn sparse(case: &Case, spacing_mm: f64, bixel_mm: f64) -> Result<Self, DoseError> {
+        Self::at_borders(case, spacing_mm, bixel_mm, Rule::Sparse)
+    }
+
+    fn at_borders(case: &Case, spacing_mm: f64, bixel_mm: f64, rule: Rule) -> Result<Self, DoseError> {
         check_grid("the dose grid", &DoseParams::over(case.grid(), spacing_mm).grid)?;
         check_bixel(bixel_mm)?;
         let fine_mm = (0.5 * spacing_mm).min(bixel_mm / POINTS_A_BIXEL);
@@ -108,19 +126,19 @@ impl Sampling {
         let to_target_mm = distances_mm(&grid, inside(case, &grid, &members));
         let at_border = borders(case, &grid, &members);
         let to_border_mm = distances_mm(&grid, |voxel| at_border.contains(voxel));
+        let far = if rule == Rule::Sparse { FAR_AND_FEW } else { FAR };
         let zone = |(border, outside): (&f32, &f32)| {
             if *border <= BORDER * fine_mm as f32 {
                 1
             } else if *border <= NEAR_MM || *outside == 0.0 {
                 2
             } else {
-                3
+                far
             }
         };
         let zones: Vec<u8> = to_border_mm.iter().zip(&to_target_mm).map(zone).collect();
         let small = case.structures().iter().map(|s| case.volume_cm3(s) < SMALL_CM3).collect();
         let thin = Vec::new();
-        let rule = Rule::Borders;
         let mut sampling = Self { grid, rule, points: None, members, thin, small, zones, to_target_mm };
         sampling.thin = sampling.thin_parts(case);
         sampling.choose_points(case);
@@ -196,7 +214,7 @@ impl Sampling {
     /// The zone of a voxel as a part of this structure. The points of a zone stand for the volume of it.
     fn zone(&self, structure: &Structure, voxel: u32) -> usize {
         match (self.rule, structure.role) {
-            (Rule::Borders, _) => usize::from(self.zones[voxel as usize]),
+            (Rule::Borders | Rule::Sparse, _) => usize::from(self.zones[voxel as usize]),
             (Rule::Thinned, Role::Target) => 0,
             (Rule::Thinned, Role::Organ) => 1,
             (Rule::Thinned, _) if self.to_target_mm[voxel as usize] <= NEAR_MM => 1,
@@ -213,9 +231,21 @@ impl Sampling {
                 _ => x % 3 == 0 && y % 3 == 0 && z % 2 == 0,
             };
         }
+        (self.is_at_step(place, structure, voxel) && self.is_chosen(place, structure, voxel))
+            || (structure.role == Role::External && self.thin.binary_search(&voxel).is_ok())
+    }
+
+    /// Whether a voxel is one of those that are a step apart.
+    fn is_at_step(&self, place: usize, structure: &Structure, voxel: u32) -> bool {
         let step = self.step(place, structure, voxel);
         self.grid.voxel(voxel as usize).iter().all(|place| place % step == 0)
-            || (structure.role == Role::External && self.thin.binary_search(&voxel).is_ok())
+    }
+
+    /// Whether a voxel that is at a step is a point where every second one is: like the squares of one colour of a chessboard.
+    fn is_chosen(&self, place: usize, structure: &Structure, voxel: u32) -> bool {
+        let step = self.step(place, structure, voxel);
+        let is_every = self.rule != Rule::Sparse || self.small[place] || step == usize::from(FAR_AND_FEW);
+        is_every || self.grid.voxel(voxel as usize).iter().map(|place| place / step).sum::<usize>() % 2 == 0
     }
 
     fn step(&self, place: usize, structure: &Structure, voxel: u32) -> usize {
@@ -242,7 +272,7 @@ impl Sampling {
                 let [x, y, z] = self.grid.voxel(voxel as usize).map(|at| at / step * step);
                 let corner = x + nx * (y + ny * z);
                 let has_point = own.binary_search(&(corner as u32)).is_ok()
-                    && self.is_point(place, structure, corner as u32);
+                    && self.is_at_step(place, structure, corner as u32);
                 if !has_point && begun.insert(corner) {
                     parts.push(voxel);
                 }
@@ -295,16 +325,31 @@ mod tests {
     #[test]
     fn points_are_dense_at_the_border_of_the_target_and_their_volumes_are_the_structures() {
         let case = phantom(0).unwrap();
-        let sampling = Sampling::new(&case, 5.0, 10.0).unwrap();
-        assert_eq!(sampling.grid().spacing_mm, [2.5; 3]);
-        let every = Sampling::every_voxel(&case, sampling.grid());
-        assert!(sampling.rows() < every.rows() / 10, "{} points", sampling.rows());
-        for (place, structure) in case.structures().iter().enumerate() {
-            let points = sampling.points(place, structure, &sampling.members[place]);
-            let (volume, cm3) = (points.volumes.iter().sum::<f64>(), case.volume_cm3(structure));
-            assert!((volume - sampling.members[place].len() as f64).abs() < 1e-6, "{}", structure.name);
-            assert!((volume * sampling.grid().voxel_cm3() - cm3).abs() < 0.02 * cm3, "{}", structure.name);
-            assert!(points.rows.windows(2).all(|pair| pair[0] < pair[1]));
+        let (plans, arcs) =
+            (Sampling::new(&case, 5.0, 10.0).unwrap(), Sampling::sparse(&case, 5.0, 10.0).unwrap());
+        assert!(arcs.rows() < plans.rows() / 3, "{} of {} points", arcs.rows(), plans.rows());
+        for sampling in [&plans, &arcs] {
+            assert_eq!(sampling.grid().spacing_mm, [2.5; 3]);
+            let every = Sampling::every_voxel(&case, sampling.grid());
+            assert!(sampling.rows() < every.rows() / 10, "{} points", sampling.rows());
+            for (place, structure) in case.structures().iter().enumerate() {
+                let points = sampling.points(place, structure, &sampling.members[place]);
+                let (volume, cm3) = (points.volumes.iter().sum::<f64>(), case.volume_cm3(structure));
+                assert!((volume - sampling.members[place].len() as f64).abs() < 1e-6, "{}", structure.name);
+                assert!(
+                    (volume * sampling.grid().voxel_cm3() - cm3).abs() < 0.02 * cm3,
+                    "{}",
+                    structure.name
+                );
+                assert!(points.rows.windows(2).all(|pair| pair[0] < pair[1]));
+                let own = plans.points(place, structure, &plans.members[place]).rows.len() as f64;
+                let part = points.rows.len() as f64 / own;
+                let is_dense = structure.role != Role::External && case.volume_cm3(structure) > SMALL_CM3;
+                assert!(
+                    sampling.rule == Rule::Borders || !is_dense || (0.45..0.55).contains(&part),
+                    "{part}"
+                );
+            }
         }
     }
 

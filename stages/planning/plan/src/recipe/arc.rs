@@ -97,8 +97,7 @@ impl PlanSetup {
                 return Err(ArcPlanError::Blocked { arc: *arc, gantry_deg: at.gantry_deg });
             }
         }
-        let spec =
-            SetupSpec { points: PointScheme::Thinned, engine: PlanEngine::Pencil, ..self.spec.clone() };
+        let spec = SetupSpec { points: PointScheme::Sparse, engine: PlanEngine::Pencil, ..self.spec.clone() };
         let search = Self::new(self.case.clone(), spec)?;
         let field = ArcField::new(search.engine(), &search.goals, collimator, arcs, threads)?;
         on_progress(ArcProgress::Doses);

@@ -83,6 +83,7 @@ impl PlanSetup {
         let hash = content_hash(&case).map_err(Box::new)?;
         let sampling = match spec.points {
             PointScheme::Borders => Sampling::new(&case, spec.grid_mm, spec.bixel_mm)?,
+            PointScheme::Sparse => Sampling::sparse(&case, spec.grid_mm, spec.bixel_mm)?,
             PointScheme::EveryVoxel => Sampling::every_voxel_of(&case, spec.grid_mm)?,
             PointScheme::Thinned => Sampling::thinned(&case, spec.grid_mm)?,
         };

@@ -53,6 +53,8 @@ pub enum PointScheme {
     /// Points of half the spacing at the borders of targets, fewer far from them: those of plans.
     #[default]
     Borders,
+    /// Half of these in and around targets and in organs, and fewer elsewhere: those of the search for the leaves of arcs.
+    Sparse,
     /// Every voxel of the grid.
     EveryVoxel,
     /// Voxels of targets, every second of organs and near targets, one in eighteen elsewhere: those of training.
