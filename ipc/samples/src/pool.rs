@@ -61,6 +61,8 @@ pub enum PoolWord {
     Wrong = 13,
     /// So many calls have no answer yet.
     Demand = 14,
+    /// The times of a call that is answered now.
+    Spent = 15,
     /// This run has no network: nobody will answer. The sample has no elements.
     NoNetwork = 255,
 }

@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::Hash;
+use crate::hash::Hasher;
 use crate::message::{LONGEST_CONTENT, PART};
 
 /// Parts that are asked for and have not arrived, at most.
-pub const OUTSTANDING: usize = 4;
+pub const OUTSTANDING: usize = 8;
 /// Time after which a part is asked for again, ns.
 const RETRY: u64 = 2_000_000_000;
 /// Times that a part is asked for.
@@ -21,6 +22,8 @@ pub struct Fetch {
     tries: u32,
     /// Bytes of all parts so far without a gap: memory grows only with what arrives.
     bytes: Vec<u8>,
+    /// Their hash goes with them: the last part of a long content takes no longer than the others.
+    hasher: Hasher,
     early: BTreeMap<u32, Vec<u8>>,
     length: Option<u64>,
     /// When a part was asked for, and how often.
@@ -54,6 +57,7 @@ impl Fetch {
             most: LONGEST_CONTENT,
             tries: TRIES,
             bytes: Vec::new(),
+            hasher: Hasher::default(),
             early: BTreeMap::new(),
             length: None,
             asked: BTreeMap::new(),
@@ -64,6 +68,12 @@ impl Fetch {
     /// Refuses the content if it is said to have more bytes than these.
     pub fn at_most(mut self, most: u64) -> Self {
         self.most = most.min(LONGEST_CONTENT);
+        self
+    }
+
+    /// Of this length, if who gives it has reported one: all parts may be asked for at once.
+    pub fn of_length(mut self, length: Option<u64>) -> Self {
+        self.length = length.filter(|length| *length <= self.most);
         self
     }
 
@@ -130,13 +140,14 @@ impl Fetch {
         self.overtaken.extend(overtaken.map(|(part, _)| *part));
         let mut next = next;
         while let Some(bytes) = self.early.remove(&next) {
+            self.hasher.update(&bytes);
             self.bytes.extend(bytes);
             next += 1;
         }
         if (self.bytes.len() as u64) < length {
             return Ok(None);
         }
-        let found = Hash::of(&self.bytes);
+        let found = self.hasher.finish();
         if found != self.content {
             return Err(FetchError::Other(self.content, found));
         }
@@ -212,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_part_that_a_later_one_overtakes_is_asked_for_again_at_once_and_once() {
-        let content = vec![7; 8 * PART];
+        let content = vec![7; 2 * OUTSTANDING * PART];
         let mut fetch = Fetch::new(Hash::of(&content));
         let take = |fetch: &mut Fetch, part: u32| {
             let bytes = part_of(&content, part).unwrap().to_vec();
@@ -220,18 +231,35 @@ mod tests {
         };
         assert_eq!(fetch.wants(0).unwrap(), [0]);
         take(&mut fetch, 0);
-        assert_eq!(fetch.wants(1).unwrap(), [1, 2, 3, 4]);
+        assert_eq!(fetch.wants(1).unwrap(), (1..=8).collect::<Vec<_>>());
         take(&mut fetch, 2);
         assert_eq!(fetch.wants(2).unwrap(), [1]);
         take(&mut fetch, 3);
         assert!(fetch.wants(3).unwrap().is_empty());
         take(&mut fetch, 1);
-        assert_eq!(fetch.wants(4).unwrap(), [5, 6, 7]);
+        assert_eq!(fetch.wants(4).unwrap(), [9, 10, 11]);
+        (4..=11).for_each(|part| drop(take(&mut fetch, part)));
+        assert_eq!(fetch.wants(5).unwrap(), [12, 13, 14, 15]);
         // The last one has none behind it: it is asked for after a while.
-        [4, 5, 6].into_iter().for_each(|part| drop(take(&mut fetch, part)));
-        assert!(fetch.wants(5).unwrap().is_empty());
-        assert_eq!(fetch.wants(4 + RETRY).unwrap(), [7]);
-        assert_eq!(take(&mut fetch, 7), Some(content.clone()));
+        [12, 13, 14].into_iter().for_each(|part| drop(take(&mut fetch, part)));
+        assert!(fetch.wants(6).unwrap().is_empty());
+        assert_eq!(fetch.wants(5 + RETRY).unwrap(), [15]);
+        assert_eq!(take(&mut fetch, 15), Some(content.clone()));
+    }
+
+    #[test]
+    fn all_parts_of_a_content_of_known_length_are_asked_for_at_once() {
+        let content = vec![7; 5 * PART];
+        let length = content.len() as u64;
+        let mut fetch = Fetch::new(Hash::of(&content)).of_length(Some(length));
+        assert_eq!(fetch.wants(0).unwrap(), [0, 1, 2, 3, 4]);
+        let parts = (0..5).map(|part| fetch.take(part, length, vec![7; PART]).unwrap());
+        assert_eq!(parts.last().flatten(), Some(content.clone()));
+        // Who reports another length than it gives is found at the first part.
+        let mut other = Fetch::new(Hash::of(&content)).of_length(Some(length - 1));
+        other.wants(0).unwrap();
+        assert!(matches!(other.take(0, length, vec![7; PART]), Err(FetchError::Parts(_))));
+        assert_eq!(Fetch::new(Hash::of(&content)).at_most(10).of_length(Some(length)).wants(0).unwrap(), [0]);
     }
 
     #[test]

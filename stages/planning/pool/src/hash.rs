@@ -49,6 +49,22 @@ impl Hash {
     }
 }
 
+/// The SHA-256 of bytes that come one after the other.
+#[derive(Default)]
+pub struct Hasher(Sha256);
+
+impl Hasher {
+    /// Further bytes.
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
+    }
+
+    /// The hash of all of them; the next bytes are the first of others.
+    pub fn finish(&mut self) -> Hash {
+        Hash(self.0.finalize_reset().into())
+    }
+}
+
 impl fmt::Display for Hash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
@@ -72,6 +88,9 @@ mod tests {
         assert_eq!(Hash::parse(&hash.to_string()), Some(hash));
         assert_eq!(Hash::parse(&hash.to_string().to_uppercase()), None);
         assert_eq!(Hash::parse("ba78"), None);
+        let mut hasher = Hasher::default();
+        [b"a".as_slice(), b"bc"].iter().for_each(|bytes| hasher.update(bytes));
+        assert_eq!((hasher.finish(), hasher.finish()), (hash, Hash::of(b"")));
         assert_ne!(Hash::of_parts(&[b"ab", b"c"]), Hash::of_parts(&[b"a", b"bc"]));
     }
 }

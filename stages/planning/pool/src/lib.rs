@@ -14,6 +14,8 @@
 //! - `worker`, `client`: the two sides as state machines; `roster`: the workers that a client knows
 //! - `courier`: who carries messages; [`topic`]: messages as samples; [`pipe`]: messages over the pipes of a child process
 //! - `pool`: a client behind a courier; `error`: why a call has no answer
+//! - `record`: the calls of a run as a file
+//! - `simulate`: the same run with other workers and another network
 //! - `setup`: what a search stands on, with the names of its contents
 //! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
 //! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules on the wire
@@ -38,8 +40,10 @@ mod message;
 mod opened;
 pub mod pipe;
 mod pool;
+mod record;
 mod roster;
 mod setup;
+mod simulate;
 mod solver;
 mod store;
 pub mod topic;
@@ -56,10 +60,12 @@ pub use error::CallError;
 pub use games::{Played, PoolGames};
 pub use hash::Hash;
 pub use later::{LaterSolver, Requested};
-pub use message::{Hello, INLINE, Message, PART};
+pub use message::{Hello, INLINE, Message, PART, Spent};
 pub use pool::{Home, Pool};
+pub use record::{Attempt, Handled, Record, RecordError, RecordedCall, Round};
 pub use roster::WorkerState;
 pub use setup::{DoseFiles, Names, PoolSetup};
+pub use simulate::{Network, Outcome, Simulation, SimulationError, WorkersSpent};
 pub use solver::PoolSolver;
 pub use store::{Store, StoreError};
 pub use wire::WireError;

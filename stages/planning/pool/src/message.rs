@@ -125,6 +125,26 @@ pub enum Message {
         /// Their number.
         calls: u32,
     },
+    /// The times of a call that is answered now, and the length of the answer.
+    Spent {
+        /// Key of the call.
+        key: Hash,
+        /// The times.
+        spent: Spent,
+    },
+}
+
+/// On what a worker spent its time for a call, ns, and how long the answer is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Spent {
+    /// Taking messages since the answer before.
+    pub received: u64,
+    /// Opening arguments.
+    pub opened: u64,
+    /// Computing.
+    pub computed: u64,
+    /// Bytes of the answer: all its parts can be asked for at once.
+    pub length: u64,
 }
 
 /// What a worker tells of itself, several times a second.
@@ -174,6 +194,7 @@ impl Message {
             Self::Holds { contents } => (PoolWord::Holds, contents.first().copied()),
             Self::Wrong { content, .. } => (PoolWord::Wrong, Some(*content)),
             Self::Demand { .. } => (PoolWord::Demand, None),
+            Self::Spent { key, .. } => (PoolWord::Spent, Some(*key)),
         }
     }
 
@@ -203,7 +224,8 @@ impl Message {
             | Self::Done { .. }
             | Self::Cancel { .. }
             | Self::Want { .. }
-            | Self::Absent { .. } => {}
+            | Self::Absent { .. }
+            | Self::Spent { .. } => {}
         }
         Ok(message)
     }

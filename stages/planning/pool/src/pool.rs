@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::client::{Client, ClientSettings, Event, Inside, Tally};
+use crate::record::{Record, Recorder};
 use crate::{Call, CallError, Courier, Hash, WorkerState};
 
 /// Longest time between two looks at the clock, ns.
@@ -67,6 +68,23 @@ impl<C: Courier> Pool<C> {
         self
     }
 
+    /// Writes down all calls from now on.
+    pub fn start_record(&mut self) {
+        self.client.start_record();
+    }
+
+    /// The calls since [`start_record`](Self::start_record); none if it was not called.
+    pub fn take_record(&mut self) -> Option<Record> {
+        self.client.recorder().take().map(Recorder::into_record)
+    }
+
+    /// The next calls are asked for the answers of these, some of which came before.
+    pub fn note_needs(&mut self, keys: &[Hash]) {
+        if let Some(recorder) = self.client.recorder() {
+            recorder.needs(keys);
+        }
+    }
+
     /// The workers.
     pub fn workers(&self) -> &BTreeMap<String, WorkerState> {
         self.client.workers()
@@ -122,6 +140,7 @@ impl<C: Courier> Pool<C> {
     ) -> Result<(), CallError> {
         let result = self.answers(calls, calls.len(), home, &mut take);
         self.cancel();
+        self.end_round();
         result
     }
 
@@ -141,6 +160,7 @@ impl<C: Courier> Pool<C> {
         if result.is_err() {
             self.cancel();
         }
+        self.end_round();
         result
     }
 
@@ -149,7 +169,26 @@ impl<C: Courier> Pool<C> {
     /// # Errors
     /// Nothing can be sent any more.
     pub fn begin(&mut self, calls: &[Call], home: &dyn Home) -> Result<(), CallError> {
-        self.answers(calls, 0, home, &mut |_, _| Ok(()))
+        let result = self.answers(calls, 0, home, &mut |_, _| Ok(()));
+        self.end_round();
+        result
+    }
+
+    fn begin_round(&mut self, now: u64, calls: &[Call], keys: &[Hash], (awaited, home): (usize, &dyn Home)) {
+        let Some(recorder) = self.client.recorder() else { return };
+        for input in calls.iter().flat_map(Call::inputs) {
+            if !recorder.has(&input) {
+                recorder.content(input, home.content(&input).map_or(0, |bytes| bytes.len() as u64));
+            }
+        }
+        recorder.begin_round(now, keys, awaited);
+    }
+
+    fn end_round(&mut self) {
+        let now = self.courier.now();
+        if let Some(recorder) = self.client.recorder() {
+            recorder.end_round(now);
+        }
     }
 
     /// Forgets all calls that are open.
@@ -168,11 +207,14 @@ impl<C: Courier> Pool<C> {
         let mut keyed = Keyed { home, places: BTreeMap::new() };
         let now = self.courier.now();
         let mut twins: BTreeMap<Hash, Vec<usize>> = BTreeMap::new();
+        let mut keys = Vec::with_capacity(calls.len());
         for (place, call) in calls.iter().enumerate() {
             let key = self.client.submit(now, call);
             keyed.places.insert(key, place);
             twins.entry(key).or_default().push(place);
+            keys.push(key);
         }
+        self.begin_round(now, calls, &keys, (awaited, home));
         // What came in since the last call: a worker whose greetings wait is there.
         self.listen(&keyed, 0)?;
         loop {
@@ -186,13 +228,23 @@ impl<C: Courier> Pool<C> {
             }
             match self.client.next_event() {
                 Some(Event::Answer(key, answer)) => {
+                    let begun = self.courier.now();
                     for place in twins.remove(&key).unwrap_or_default() {
                         take(place, &answer)?;
+                    }
+                    let ended = self.courier.now();
+                    if let Some(recorder) = self.client.recorder() {
+                        recorder.taken(&key, ended.saturating_sub(begun));
                     }
                 }
                 Some(Event::Compute(key)) => {
                     let place = keyed.places.get(&key).copied().unwrap_or_default();
+                    let begun = self.courier.now();
                     let answer = home.compute(place)?;
+                    let ended = self.courier.now();
+                    if let Some(recorder) = self.client.recorder() {
+                        recorder.computed_here((begun, ended), &key, &answer);
+                    }
                     // Greetings came in while this process was busy.
                     self.listen(&keyed, 0)?;
                     self.client.settle(&key, answer);
@@ -208,6 +260,10 @@ impl<C: Courier> Pool<C> {
         while let Some(arrival) = self.courier.receive(until)? {
             let now = self.courier.now();
             self.client.handle(now, &arrival.from, &arrival.bytes, inside);
+            let ended = self.courier.now();
+            if let Some(recorder) = self.client.recorder() {
+                recorder.handled(arrival.bytes.len(), ended.saturating_sub(now));
+            }
             until = now;
         }
         Ok(())

@@ -43,6 +43,7 @@ impl<'a, C: Courier, I: DoseFiles + ?Sized> PoolSolver<'a, C, I> {
         plan: Option<&(Hash, Vec<u8>)>,
     ) -> Result<Vec<Arc<Vec<u8>>>, CallError> {
         let keys: Vec<Hash> = calls.iter().map(|call| self.pool.key(call)).collect();
+        self.pool.note_needs(&keys);
         let mut found: BTreeMap<Hash, Arc<Vec<u8>>> =
             keys.iter().filter_map(|key| self.early.remove_entry(key)).collect();
         self.ahead.retain(|(key, _)| !keys.contains(key));

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use stillpoint_plan::fluence::{Goals, ObjectiveSpec, StructureObjectives};
 use stillpoint_pool::{
-    Call, CallError, Client, ClientSettings, Hash, Inside, Message, Store, WireError, Worker, WorkerSettings,
-    answer, goals,
+    Call, CallError, Client, ClientSettings, Hash, Inside, Message, Spent, Store, WireError, Worker,
+    WorkerSettings, answer, goals,
 };
 
 use crate::simulated::build;
@@ -48,6 +48,7 @@ fn messages() -> Vec<Vec<u8>> {
         Message::Holds { contents: vec![key, Hash::of(b"goals")] },
         Message::Wrong { content: key, peer: "w1".into() },
         Message::Demand { calls: 17 },
+        Message::Spent { key, spent: Spent { received: 1, opened: 2, computed: 3, length: 4 } },
     ];
     all.iter().map(Message::to_bytes).collect()
 }
@@ -188,8 +189,9 @@ fn broken_messages_harm_neither_side() {
         worker.handle(*now, from, &bytes);
         worker.tick(*now);
         while let Some(job) = worker.next_job() {
-            let result = job.ready.compute();
-            worker.finish(job.key, result);
+            let key = job.key;
+            let result = job.open().and_then(|ready| ready.compute());
+            worker.finish(key, result, Spent::default());
         }
         client.handle(*now, from, &bytes, &Nothing);
         client.tick(*now);

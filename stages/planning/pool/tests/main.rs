@@ -14,7 +14,8 @@ use games::GRID_MM;
 use simulated::{CALM, MS, Part, Simulated, Weather, build};
 use stillpoint_network::Rules;
 use stillpoint_pool::{
-    Build, Call, Client, ClientSettings, Event, Hash, Message, Pool, Store, Worker, WorkerSettings,
+    Build, Call, Client, ClientSettings, Event, Hash, Message, Network, Pool, Record, Simulation, Store,
+    Worker, WorkerSettings,
 };
 use water::{Water, alone, alone_with, pooled, pooled_with};
 
@@ -172,6 +173,30 @@ fn a_worker_whose_answers_are_wrong_is_named_and_shut_out() {
         assert_eq!(out, ["w1"]);
         let news = pool.take_news();
         assert!(news.iter().any(|text| text.starts_with("worker `w1` is shut out: ")), "{news:?}");
+    }
+}
+
+#[test]
+fn a_record_of_a_plan_gives_the_time_that_it_took_and_that_of_other_workers() {
+    let water = Water::new();
+    let job = 500 * MS;
+    let recorded = |workers: usize| {
+        let parts = vec![Part { job, ..Part::default() }; workers];
+        let mut pool = Pool::new(Simulated::new(1, CALM, &parts), ClientSettings::new(build()));
+        pool.start_record();
+        pooled_with(&water, &mut pool, 8);
+        pool.take_record().unwrap()
+    };
+    let (one, four) = (recorded(1), recorded(4));
+    assert!(pool(1, CALM, &[]).take_record().is_none());
+    assert_eq!(Record::from_text(&one.to_text()).unwrap(), one);
+    assert_eq!(one.calls.len(), four.calls.len());
+    assert_eq!(one.work_s(), 0.5 * one.calls.len() as f64);
+    let network = Network { bits_per_s: 1e10, delay: MS };
+    for (from, workers, took) in [(&one, 1, &one), (&one, 4, &four), (&four, 4, &four), (&four, 1, &one)] {
+        let outcome = Simulation { workers, network }.run(&[from]).unwrap();
+        let ratio = outcome.seconds / took.seconds();
+        assert!((0.85..1.15).contains(&ratio), "{workers} workers: {outcome:?}, {} s", took.seconds());
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stillpoint_pool::{
-    Arrival, Build, CallError, Courier, CourierError, Hash, Message, Store, To, Worker, WorkerSettings,
+    Arrival, Build, CallError, Courier, CourierError, Hash, Message, Spent, Store, To, Worker, WorkerSettings,
 };
 
 pub const MS: u64 = 1_000_000;
@@ -192,7 +192,8 @@ impl Simulated {
                 break;
             }
             if !actor.part.mute {
-                worker.finish(key, result);
+                let computed = actor.part.job;
+                worker.finish(key, result, Spent { computed, ..Spent::default() });
             }
         }
         if killed {
@@ -210,7 +211,8 @@ impl Simulated {
             }
         }
         while let Some(job) = worker.next_job() {
-            let mut result = job.ready.compute();
+            let key = job.key;
+            let mut result = job.open().and_then(|ready| ready.compute());
             if let Ok(bytes) = &mut result
                 && actor.jobs + actor.running.len() >= actor.part.wrong_from
             {
@@ -218,7 +220,7 @@ impl Simulated {
                 let last = bytes.len() - 8;
                 bytes[last] ^= 1;
             }
-            actor.running.push((now + actor.part.job, job.key, result));
+            actor.running.push((now + actor.part.job, key, result));
         }
         let messages = worker.take_messages();
         let (name, gives_wrong) = (actor.name.clone(), actor.part.gives_wrong);

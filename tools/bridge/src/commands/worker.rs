@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use stillpoint_arguments::Worker;
-use stillpoint_pool::{Build, CallError, Hash, Job, Store, To, Worker as State, WorkerSettings};
+use stillpoint_pool::{Build, CallError, Hash, Job, Spent, Store, To, Worker as State, WorkerSettings};
 use stillpoint_remote::Mailbox;
 
 use super::exchange::{Ending, ended, open};
@@ -85,7 +85,7 @@ fn try_execute(arguments: &Worker) -> Result<(), BridgeError> {
 
 enum Happened {
     Message(String, Vec<u8>),
-    Result(Hash, Result<Vec<u8>, CallError>),
+    Result(Hash, Result<Vec<u8>, CallError>, Spent),
 }
 
 /// How a worker serves.
@@ -125,6 +125,7 @@ fn serve(
     let begun = Instant::now();
     let mut given = 0;
     let mut drains_since = None;
+    let mut received = Duration::ZERO;
     loop {
         let now = begun.elapsed();
         match drains_since {
@@ -152,12 +153,16 @@ fn serve(
             match one {
                 Happened::Message(from, bytes) => {
                     exchanged.receive(&from, bytes.len());
-                    state.handle(begun.elapsed().as_nanos() as u64, &from, &bytes)
+                    let arrived = begun.elapsed();
+                    state.handle(arrived.as_nanos() as u64, &from, &bytes);
+                    received += begun.elapsed().saturating_sub(arrived);
                 }
-                Happened::Result(key, result) => {
+                Happened::Result(key, result, spent) => {
                     given += 1;
                     let is_wrong = wrong_from.is_some_and(|first| given >= first);
-                    state.finish(key, if is_wrong { result.map(falsified) } else { result });
+                    let received = std::mem::take(&mut received).as_nanos() as u64;
+                    let result = if is_wrong { result.map(falsified) } else { result };
+                    state.finish(key, result, Spent { received, ..spent });
                 }
             }
         }
@@ -185,10 +190,18 @@ fn compute(queue: &Mutex<Receiver<Job>>, happens: &Sender<Happened>) {
     loop {
         let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(job) = job else { return };
+        let (key, begun) = (job.key, Instant::now());
+        let mut opened = Duration::ZERO;
+        let computed = || {
+            let ready = job.open()?;
+            opened = begun.elapsed();
+            ready.compute()
+        };
         // A panic is a fault of this program, but no reason to leave the other calls without an answer.
-        let result =
-            catch_unwind(AssertUnwindSafe(|| job.ready.compute())).unwrap_or_else(|_| Err(CallError::Panic));
-        if happens.send(Happened::Result(job.key, result)).is_err() {
+        let result = catch_unwind(AssertUnwindSafe(computed)).unwrap_or_else(|_| Err(CallError::Panic));
+        let computed = begun.elapsed().saturating_sub(opened).as_nanos() as u64;
+        let spent = Spent { opened: opened.as_nanos() as u64, computed, ..Spent::default() };
+        if happens.send(Happened::Result(key, result, spent)).is_err() {
             return;
         }
     }

@@ -132,7 +132,14 @@ impl BeamFile {
     /// # Errors
     /// The file cannot be read, or it is no dose.
     pub fn open_any(path: &Path) -> Result<Self, BeamFileError> {
-        let file = MappedFile::open(path)?;
+        Self::of_mapped(MappedFile::open(path)?)
+    }
+
+    /// The same of a file that is mapped.
+    ///
+    /// # Errors
+    /// It is no dose.
+    pub fn of_mapped(file: MappedFile) -> Result<Self, BeamFileError> {
         let key = file.bytes().get(8..40).and_then(|key| key.try_into().ok()).ok_or(BeamFileError::Magic)?;
         Self::checked(Held::Mapped(file), &key)
     }

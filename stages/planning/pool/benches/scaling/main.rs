@@ -1,21 +1,16 @@
 //! How a search for beams on the pool scales with the number of workers, in simulated time.
 //!
-//! `cargo bench -p stillpoint-pool --bench scaling -- CASE [KEY=NUMBER]...`, with the keys of [`Asked`]. The search,
-//! the client and its messages are real. Each call is computed once, and its CPU time is the time that every simulated
-//! worker takes for it. The CPU time of the client counts, too. Workers and network are those of `simulated`.
-//!
-//! The efficiency is the CPU time of all different calls, divided by the number of workers and by the time until the
-//! plan is there.
+//! `cargo bench -p stillpoint-pool --bench scaling -- CASE [KEY=NUMBER]... [record=FILE]`, with the keys of [`Asked`]. The
+//! search, the client and one worker run in this thread, and their times are CPU times of it: other programs do not change
+//! them. From the calls that they record, the simulation of `stillpoint bench pool` computes the times of other numbers of
+//! workers. A plan by exchange has `leaves=0`.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-mod oracle;
-mod simulated;
+mod inside;
 
-use std::cell::RefCell;
 use std::num::NonZeroUsize;
 use std::path::Path;
-use std::rc::Rc;
 
 use stillpoint_patient::case::read;
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, SearchOptions, choose};
@@ -23,10 +18,9 @@ use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machin
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::sampling::Sampling;
-use stillpoint_pool::{ClientSettings, Courier, Pool, PoolDoses, PoolSetup, PoolSolver, answer};
+use stillpoint_pool::{ClientSettings, Network, Pool, PoolDoses, PoolSetup, PoolSolver, Simulation};
 
-use oracle::{Oracle, build};
-use simulated::{Network, Simulated};
+use inside::{Inside, build};
 
 const WORKERS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 const RING: (u16, u16) = (90, 5);
@@ -45,13 +39,17 @@ struct Asked {
     mbit: f64,
     /// Time of a message from one host to another, us.
     delay: f64,
+    /// File for the calls.
+    record: Option<String>,
 }
 
 fn main() {
-    let mut asked = Asked { beams: 9, budget: 128, leaves: 64, bixel: 10.0, mbit: 1000.0, delay: 500.0 };
+    let mut asked =
+        Asked { beams: 9, budget: 128, leaves: 64, bixel: 10.0, mbit: 1000.0, delay: 500.0, record: None };
     let mut case = None;
     for argument in std::env::args().skip(1).filter(|argument| argument != "--bench") {
         match argument.split_once('=') {
+            Some(("record", file)) => asked.record = Some(file.to_owned()),
             Some((key, value)) => asked.set(key, value.parse().unwrap()),
             None => case = Some(argument),
         }
@@ -59,31 +57,22 @@ fn main() {
     // CI builds and starts all benches without arguments.
     let Some(case) = case else { return println!("scaling: give a case file") };
     let setup = Setup::new(Path::new(&case), &asked);
-    let oracle = Rc::new(RefCell::new(Oracle::new()));
-    let network = Network { bits_per_s: asked.mbit * 1e6, delay: (asked.delay * 1e3) as u64 };
-    println!("| workers | time, s | speed-up | efficiency | client, CPU s | sent by the client, MB |");
-    println!("| --- | --- | --- | --- | --- | --- |");
-    let mut first = None;
-    for workers in WORKERS {
-        let courier = Simulated::new(&oracle, network, workers);
-        let mut pool = Pool::new(courier, ClientSettings::new(build()));
-        let plan = setup.plan(&mut pool, &asked);
-        assert!(
-            first.get_or_insert_with(|| plan.clone()) == &plan,
-            "the plan depends on the number of workers"
-        );
-        let time_s = pool.courier().now() as f64 * 1e-9;
-        let work_s = oracle.borrow().seconds();
-        println!(
-            "| {workers} | {time_s:.1} | {:.1} | {:.2} | {:.1} | {:.0} |",
-            work_s / time_s,
-            work_s / time_s / workers as f64,
-            pool.courier().client_s(),
-            pool.courier().sent_mb(),
-        );
-        eprintln!("{:?}", pool.tally());
+    let mut pool = Pool::new(Inside::new(), ClientSettings { checked: 0.0, ..ClientSettings::new(build()) });
+    pool.start_record();
+    setup.plan(&mut pool, &asked);
+    let record = pool.take_record().unwrap();
+    if let Some(file) = &asked.record {
+        std::fs::write(file, record.to_text()).unwrap();
     }
-    oracle.borrow().report();
+    let network = Network { bits_per_s: asked.mbit * 1e6, delay: (asked.delay * 1e3) as u64 };
+    println!("{} calls, {:.1} CPU s of computation", record.calls.len(), record.work_s());
+    println!("| workers | time, s | efficiency | sent by the client, MB |\n| --- | --- | --- | --- |");
+    for workers in WORKERS {
+        let outcome = Simulation { workers, network }.run(&[&record]).unwrap();
+        let (time_s, efficiency, sent_mb) =
+            (outcome.seconds, outcome.efficiency(), outcome.sent as f64 * 1e-6);
+        println!("| {workers} | {time_s:.1} | {efficiency:.2} | {sent_mb:.0} |");
+    }
 }
 
 impl Asked {
@@ -119,8 +108,8 @@ impl Setup {
         Self { engine: sampling.engine(&engine), goals, ring: Ring::new(RING.0, RING.1).unwrap() }
     }
 
-    /// Doses and search on the pool, in a folder without doses: every solve, and the best plan.
-    fn plan(&self, pool: &mut Pool<Simulated>, asked: &Asked) -> Vec<u8> {
+    /// Doses and search on the pool, in a folder without doses: the best plan.
+    fn plan(&self, pool: &mut Pool<Inside>, asked: &Asked) {
         let folder = tempfile::tempdir().unwrap();
         let cache = DoseCache::in_folder(folder.path()).unwrap();
         let engines = std::slice::from_ref(&self.engine);
@@ -141,9 +130,6 @@ impl Setup {
             Some(_) => Method::Search(SearchOptions::default()),
         };
         let choice = choose(&method, &mut evaluator, None, 0).unwrap();
-        let mut bytes = format!("{:?}", evaluator.history()).into_bytes();
-        bytes.extend(answer::of_plan(&choice.best.plan));
         eprintln!("{} solves, {} prices, best {}", evaluator.solves(), evaluator.prices(), choice.best.cost);
-        bytes
     }
 }

@@ -155,7 +155,11 @@ impl Client {
         if open.begun.is_none() {
             (open.begun, open.progress) = (Some(now), now);
         }
-        open.asked.insert(name.clone(), Asked { first: now, last: now, is_ahead });
+        if let Some(recorder) = &mut self.recorder {
+            recorder.asked(now, key, &name);
+        }
+        let asked = Asked { first: now, last: now, length: None, is_ahead };
+        open.asked.insert(name.clone(), asked);
         self.out.push((To::One(name), Message::Ask { key: *key, call: open.bytes.clone() }));
     }
 

@@ -45,6 +45,9 @@ impl Client {
         if let Err(what) = inside.check(&key, &bytes) {
             return self.shut_out(from, &format!("its answer to a {} is none: {what}", kind.word()));
         }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.answered(now, &key, from, &bytes);
+        }
         let Some(open) = self.calls.get_mut(&key) else { return };
         open.progress = now;
         (self.progress, self.answered) = (now, now);

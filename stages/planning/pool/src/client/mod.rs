@@ -20,6 +20,7 @@ use std::sync::Arc;
 use crate::call::Kind;
 use crate::fetch::Fetch;
 use crate::message::Message;
+use crate::record::Recorder;
 use crate::roster::Roster;
 use crate::{Build, Call, CallError, Hash, To, WorkerState};
 use open::{Accepted, Open};
@@ -116,6 +117,7 @@ pub struct Client {
     answered: u64,
     /// When the number of calls without an answer is sent next.
     next_demand: u64,
+    recorder: Option<Recorder>,
 }
 
 impl Client {
@@ -140,7 +142,18 @@ impl Client {
             progress: now,
             answered: now,
             next_demand: now,
+            recorder: None,
         }
+    }
+
+    /// Writes down all calls from now on.
+    pub fn start_record(&mut self) {
+        self.recorder = Some(Recorder::new(self.settings.build.text()));
+    }
+
+    /// What writes down calls, if they are written down.
+    pub(crate) fn recorder(&mut self) -> &mut Option<Recorder> {
+        &mut self.recorder
     }
 
     /// The build.
@@ -196,6 +209,9 @@ impl Client {
         if let Some(bytes) = self.accepted.get(&key).and_then(|accepted| accepted.bytes.clone()) {
             self.events.push_back(Event::Answer(key, bytes));
         } else if !self.calls.contains_key(&key) {
+            if let Some(recorder) = &mut self.recorder {
+                recorder.submitted(now, key, (call.kind(), bytes.len() as u64, &call.inputs()));
+            }
             let share = key.number() as f64 / u64::MAX as f64;
             let open = Open {
                 bytes,
@@ -269,7 +285,8 @@ impl Client {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
                     (open.progress, self.progress) = (now, now);
                     self.sources.note(from, answer);
-                    let fresh = || Fetch::new(answer).at_most(open.kind.longest_answer());
+                    let length = open.asked.get(from).and_then(|asked| asked.length);
+                    let fresh = || Fetch::new(answer).at_most(open.kind.longest_answer()).of_length(length);
                     let fetch = open.fetches.entry(from.to_owned()).or_insert_with(fresh);
                     if fetch.content() != answer {
                         *fetch = fresh();
@@ -278,6 +295,15 @@ impl Client {
             }
             Message::Part { content, part, length, bytes } => {
                 self.take_part(now, from, (content, part, length, bytes), inside);
+            }
+            Message::Spent { key, spent } => {
+                let asked = self.calls.get_mut(&key).and_then(|open| open.asked.get_mut(from));
+                if let Some(asked) = asked {
+                    asked.length = Some(spent.length);
+                }
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.spent(&key, from, &spent);
+                }
             }
             Message::Absent { content } => self.drop_fetches(from, &content),
             Message::Ask { .. }

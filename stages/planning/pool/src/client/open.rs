@@ -34,6 +34,8 @@ pub(super) struct Open {
 pub(super) struct Asked {
     pub first: u64,
     pub last: u64,
+    /// Bytes of its answer, which it reported before the answer.
+    pub length: Option<u64>,
     /// It has no slot for the call yet: it fetches what the call needs, and computes it after another one.
     pub is_ahead: bool,
 }

@@ -6,10 +6,11 @@
 mod contents;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::fetch::part_of;
-use crate::message::{Hello, INLINE, MOST_HELD, Message};
-use crate::opened::Opened;
+use crate::message::{Hello, INLINE, MOST_HELD, Message, Spent};
+use crate::opened::{Files, Opened};
 use crate::{Build, Call, CallError, Hash, Ready, Store, To};
 use contents::Fetching;
 
@@ -44,7 +45,7 @@ pub struct WorkerSettings {
 pub struct Worker {
     settings: WorkerSettings,
     store: Store,
-    opened: Opened,
+    opened: Arc<Mutex<Opened>>,
     waiting: VecDeque<Waiting>,
     running: BTreeMap<Hash, Vec<String>>,
     answers: BTreeMap<Hash, Hash>,
@@ -88,15 +89,27 @@ struct Waiting {
 pub struct Job {
     /// Key of the call.
     pub key: Hash,
-    /// The call with its arguments.
-    pub ready: Ready,
+    call: Call,
+    files: Files,
+    opened: Arc<Mutex<Opened>>,
+}
+
+impl Job {
+    /// The call with its arguments, which are opened if no job before opened them.
+    ///
+    /// # Errors
+    /// An argument is not what the call takes it for.
+    pub fn open(mut self) -> Result<Ready, CallError> {
+        let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        opened.ready(&mut self.files, self.call)
+    }
 }
 
 impl Worker {
     /// With this cache.
     pub fn new(settings: WorkerSettings, store: Store) -> Self {
         Self {
-            opened: Opened::new(settings.most_open),
+            opened: Arc::new(Mutex::new(Opened::new(settings.most_open))),
             settings,
             store,
             waiting: VecDeque::new(),
@@ -214,10 +227,10 @@ impl Worker {
             let at =
                 self.waiting.iter().position(|w| w.call.inputs().iter().all(|hash| store.holds(hash)))?;
             let Waiting { key, call, askers } = self.waiting.remove(at)?;
-            match self.opened.ready(store, call) {
-                Ok(ready) => {
+            match Files::of(store, call.inputs()) {
+                Ok(files) => {
                     self.running.insert(key, askers);
-                    return Some(Job { key, ready });
+                    return Some(Job { key, call, files, opened: self.opened.clone() });
                 }
                 Err(error) => self.fail(&askers, key, error.to_string()),
             }
@@ -225,9 +238,11 @@ impl Worker {
         None
     }
 
-    /// Takes the result of a job.
-    pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, CallError>) {
+    /// Takes the result of a job, and on what this worker spent its time for it.
+    pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, CallError>, spent: Spent) {
         let askers = self.running.remove(&key).unwrap_or_default();
+        let length = result.as_ref().map_or(0, |bytes| bytes.len() as u64);
+        let spent = Spent { length, ..spent };
         let retained = result.and_then(|bytes| Ok((self.store.put(&bytes, &self.requested())?, bytes)));
         match retained {
             Ok((answer, bytes)) => {
@@ -237,6 +252,7 @@ impl Worker {
                 }
                 self.answers.insert(key, answer);
                 self.gives = true;
+                self.report(&askers, Message::Spent { key, spent });
                 self.report(&askers, answer_message(key, answer, bytes));
             }
             Err(error) => self.fail(&askers, key, error.to_string()),
