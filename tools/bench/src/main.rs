@@ -10,6 +10,7 @@
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
 //! - `tap`: the cost of an attached `echo`, `top` or `view`
 //! - `scale`: start-up, memory and costs of pipelines with many operators
+//! - `pool`: the time of recorded plans on other numbers of workers
 //! - `program`: a pipeline as a separate program
 //! - `attached`: a command that is attached to such a program
 //! - `stages`, `clouds`, `nan_injection`: the bench's own kinds of operators
@@ -38,6 +39,7 @@ mod hop;
 mod killed;
 mod ledger;
 mod nan_injection;
+mod pool;
 mod processes;
 mod program;
 mod record;
@@ -73,6 +75,7 @@ enum Measurement {
     Loop(closed_loop::ClosedLoop),
     Tap(tap::TapCost),
     Scale(scale::Scale),
+    Pool(pool::Pool),
     /// `stillpoint` with the bench's own kinds of operators, because a measurement runs pipelines in separate programs,
     /// and attaches commands to them.
     #[command(name = COMMAND, hide = true)]
@@ -97,6 +100,7 @@ impl Measurement {
             Self::Loop(b) => b.execute(registry),
             Self::Tap(b) => b.execute(registry),
             Self::Scale(b) => b.execute(registry),
+            Self::Pool(b) => b.execute(),
             Self::Command { command } => command.execute(registry),
         }
     }

@@ -122,6 +122,10 @@ pub struct PlanArgs {
     pub(super) jobs: Option<std::num::NonZeroUsize>,
     #[command(flatten)]
     pub(super) pool: PoolArgs,
+    /// Write all calls of the pool into this file: kinds, sizes, times, workers, and this program's own time between them.
+    /// `stillpoint bench pool` computes from it how long the plan takes with other workers and another network.
+    #[arg(long, value_name = "FILE", requires = "pool")]
+    pub(super) pool_record: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

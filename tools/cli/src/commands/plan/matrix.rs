@@ -54,11 +54,18 @@ impl Export {
         }
         let request = Request::new(&self.args, &patient)?;
         let out = OutFolder::ready(&request.out)?;
-        let mut pooled = self.args.pool.open()?.map(Pooled::new);
-        let prepared = Prepared::new(&request, pooled.as_mut())?;
-        if let Some(pooled) = &mut pooled {
+        let record = self.args.pool_record.as_deref();
+        let mut pooled = self.args.pool.open()?.map(|pool| Pooled::new(pool, record));
+        let prepared = loop {
+            let prepared = Prepared::new(&request, pooled.as_mut())?;
+            let Some(pooled) = &mut pooled else { break prepared };
+            let is_in_doubt = pooled.is_in_doubt();
             pooled.print_news();
-        }
+            if !is_in_doubt {
+                pooled.write_record()?;
+                break prepared;
+            }
+        };
         let files = write(&out, &request, &prepared)?;
         if self.args.json {
             print_json(&json!({ "files": files }))?;

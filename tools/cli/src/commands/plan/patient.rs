@@ -46,7 +46,7 @@ pub fn plan(
     let mut request = Request::new(args, patient)?;
     let out = OutFolder::ready(&request.out)?;
     let began = Instant::now();
-    let mut pooled = args.pool.open()?.map(Pooled::new);
+    let mut pooled = args.pool.open()?.map(|pool| Pooled::new(pool, args.pool_record.as_deref()));
     let Searched { request, prepared, runs, best, doses_s } = loop {
         let searched = searched(request, patient.weights.as_deref(), pooled.as_mut())?;
         let Some(pooled) = &mut pooled else { break searched };
@@ -61,6 +61,9 @@ pub fn plan(
         request = Request::new(args, patient)?;
     };
     let chosen_s = began.elapsed().as_secs_f64() - doses_s;
+    if let Some(pooled) = &mut pooled {
+        pooled.write_record()?;
+    }
     let outcome = Outcome::new(&request, &prepared, &best)?;
     let files = folder::write(&out, &request, &prepared, &runs.0, &outcome)?;
     let is_refused = outcome.is_refused(&request);

@@ -1,10 +1,13 @@
 //! Planning on a pool of workers: the same plan, computed elsewhere.
 
+use std::path::{Path, PathBuf};
+
 use stillpoint_plan::dose::{BeamAngles, DoseCache, DoseEngine};
 use stillpoint_plan::recipe::{MOST_LEAVES, PlanRun};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Pool, PoolDoses};
 
+use crate::exit::Failure;
 use crate::pool::print_shares;
 
 /// A pool, and the doses that it computed.
@@ -12,12 +15,24 @@ pub struct Pooled {
     /// The pool.
     pub pool: Pool<ChildCourier>,
     made: PoolDoses,
+    /// Where the calls go, if they are recorded.
+    record: Option<PathBuf>,
 }
 
 impl Pooled {
-    /// Of this pool.
-    pub fn new(pool: Pool<ChildCourier>) -> Self {
-        Self { pool, made: PoolDoses::default() }
+    /// Of this pool, whose calls go into a file if one is given.
+    pub fn new(mut pool: Pool<ChildCourier>, record: Option<&Path>) -> Self {
+        if record.is_some() {
+            pool.start_record();
+        }
+        Self { pool, made: PoolDoses::default(), record: record.map(Path::to_owned) }
+    }
+
+    /// Writes the calls into their file, if there is one.
+    pub fn write_record(&mut self) -> Result<(), Failure> {
+        let (Some(file), Some(record)) = (&self.record, self.pool.take_record()) else { return Ok(()) };
+        std::fs::write(file, record.to_text())
+            .map_err(|e| Failure::failed(format!("{}: {e}", file.display())))
     }
 
     /// Computes the doses that the folder lacks. `on_dose` is called for each. Where the pool cannot be used, the doses

@@ -66,6 +66,7 @@ impl<'a> Queue<'a> {
         let of_one = [
             ("--accept-check", args.accept_check.is_some()),
             ("--keep-identity", args.keep_identity.is_some()),
+            ("--pool-record", args.pool_record.is_some()),
         ];
         if let Some((option, _)) = of_one.iter().find(|(_, is_given)| *is_given) {
             return Err(Failure::wrong(format!(
@@ -195,6 +196,7 @@ fn asked(args: &PlanArgs) -> Result<Value, Failure> {
         threads: _,
         jobs: _,
         pool: _,
+        pool_record: _,
         json: _,
         // A queue has none.
         start: _,
