@@ -60,7 +60,7 @@ impl Setup {
         PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
         let doses = load();
         let dosed = begun.elapsed().as_secs_f64();
-        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count());
+        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count(), NonZeroUsize::MIN);
         let mut solver = PoolSolver::new(pool, &setup);
         let plan = self.search(&doses, Some(&mut solver));
         assert_eq!(solver.broken(), None);

@@ -4,6 +4,7 @@
 //! workers have work, and the parts are the same as without a pool.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use stillpoint_operator::StepError;
@@ -116,8 +117,9 @@ impl Job {
     ) -> Result<Result<Found, Waits>, StepError> {
         let memo = std::mem::take(&mut self.memo);
         let Remote { build, names, answers, .. } = &mut self.remote;
-        let names =
-            names.get_or_insert_with(|| Names::new(&self.doses[..], patient.goals(), patient.ring().count()));
+        let beams = patient.ring().count();
+        let names = names
+            .get_or_insert_with(|| Names::new(&self.doses[..], patient.goals(), beams, NonZeroUsize::MIN));
         let Some(build) = build else { return Err(fault(&"the build of the pool is not known")) };
         let setup = PoolSetup::named(&self.doses[..], patient.goals(), names);
         let mut solver = LaterSolver::new(&setup, build, answers);

@@ -95,6 +95,11 @@ impl Kind {
         }
     }
 
+    /// Whether a worker computes such a call before others that wait: it takes little, and a search chooses nothing without it.
+    pub fn is_hasty(self) -> bool {
+        self == Self::Price
+    }
+
     /// Its name.
     pub fn word(self) -> &'static str {
         match self {

@@ -1,6 +1,7 @@
 //! The pool as one object: calls go in, answers come out.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use crate::client::{Client, ClientSettings, Event, Inside, Tally};
@@ -10,8 +11,8 @@ use crate::{Call, CallError, Courier, Hash, WorkerState};
 /// Longest time between two looks at the clock, ns.
 const TICK: u64 = 20_000_000;
 
-/// Takes the answer of a call, by its place in the list of calls.
-type Taker<'t> = dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError> + 't;
+/// Takes the answer of a call, by its place in the list of calls, and gives whether further answers are awaited.
+type Taker<'t> = dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<ControlFlow<()>, CallError> + 't;
 
 /// What the asking process can do itself.
 pub trait Home {
@@ -85,6 +86,13 @@ impl<C: Courier> Pool<C> {
         }
     }
 
+    /// The calls of these keys were asked because the answer of another call was there.
+    pub fn note_followers(&mut self, keys: &[Hash], after: &Hash) {
+        if let Some(recorder) = self.client.recorder() {
+            recorder.follow(keys, after);
+        }
+    }
+
     /// The workers.
     pub fn workers(&self) -> &BTreeMap<String, WorkerState> {
         self.client.workers()
@@ -138,14 +146,16 @@ impl<C: Courier> Pool<C> {
         home: &dyn Home,
         mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
-        let result = self.answers(calls, calls.len(), home, &mut take);
+        let result = self.answers(calls, calls.len(), home, &mut |place, answer| {
+            take(place, answer).map(ControlFlow::Continue)
+        });
         self.cancel();
         self.end_round();
         result
     }
 
-    /// Hands out answers until those of the first `awaited` calls are there; the other calls stay open. Calls that are open
-    /// from before are not asked twice.
+    /// Hands out answers until those of the first `awaited` calls are there, or the taker breaks off; the other calls stay
+    /// open. Calls that are open from before are not asked twice.
     ///
     /// # Errors
     /// As for [`call_each`](Self::call_each); then no call is open.
@@ -154,7 +164,7 @@ impl<C: Courier> Pool<C> {
         calls: &[Call],
         awaited: usize,
         home: &dyn Home,
-        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), CallError>,
+        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<ControlFlow<()>, CallError>,
     ) -> Result<(), CallError> {
         let result = self.answers(calls, awaited, home, &mut take);
         if result.is_err() {
@@ -169,7 +179,7 @@ impl<C: Courier> Pool<C> {
     /// # Errors
     /// Nothing can be sent any more.
     pub fn begin(&mut self, calls: &[Call], home: &dyn Home) -> Result<(), CallError> {
-        let result = self.answers(calls, 0, home, &mut |_, _| Ok(()));
+        let result = self.answers(calls, 0, home, &mut |_, _| Ok(ControlFlow::Continue(())));
         self.end_round();
         result
     }
@@ -229,12 +239,18 @@ impl<C: Courier> Pool<C> {
             match self.client.next_event() {
                 Some(Event::Answer(key, answer)) => {
                     let begun = self.courier.now();
+                    let mut flow = ControlFlow::Continue(());
                     for place in twins.remove(&key).unwrap_or_default() {
-                        take(place, &answer)?;
+                        if take(place, &answer)?.is_break() {
+                            flow = ControlFlow::Break(());
+                        }
                     }
                     let ended = self.courier.now();
                     if let Some(recorder) = self.client.recorder() {
                         recorder.taken(&key, ended.saturating_sub(begun));
+                    }
+                    if flow.is_break() {
+                        return Ok(());
                     }
                 }
                 Some(Event::Compute(key)) => {

@@ -40,6 +40,9 @@ pub struct RecordedCall {
     pub inputs: Vec<usize>,
     /// Its answer, by its place among the contents; none if no answer came.
     pub answer: Option<usize>,
+    /// The call whose answer had to be there before this one was asked, where it was asked at once behind that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after: Option<usize>,
     /// When it was asked first, s.
     pub submitted_s: f64,
     /// Time in which the caller took the answer (a dose goes into a file), s.
@@ -181,6 +184,8 @@ impl Record {
         let mut contents = self.calls.iter().flat_map(|call| call.inputs.iter().chain(&call.answer));
         contents.try_for_each(|place| within("content", place, self.contents.len()))?;
         let mut calls = self.rounds.iter().flat_map(|round| round.calls.iter().chain(&round.needs));
+        let mut before = self.calls.iter().filter_map(|call| call.after.as_ref());
+        before.try_for_each(|place| within("call", place, self.calls.len()))?;
         calls.try_for_each(|place| within("call", place, self.calls.len()))
     }
 
@@ -252,10 +257,21 @@ impl Recorder {
             bytes,
             inputs,
             answer: None,
+            after: None,
             submitted_s: seconds(now),
             taken_s: 0.0,
             attempts: Vec::new(),
         });
+    }
+
+    /// These calls were asked because the answer of another one was there.
+    pub fn follow(&mut self, keys: &[Hash], after: &Hash) {
+        let after = self.calls.get(after).copied();
+        for key in keys {
+            if let Some(call) = self.call(key) {
+                call.after = after;
+            }
+        }
     }
 
     fn call(&mut self, key: &Hash) -> Option<&mut RecordedCall> {

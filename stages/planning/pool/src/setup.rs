@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::num::NonZeroUsize;
 
 use stillpoint_plan::Setups;
@@ -10,12 +11,14 @@ use stillpoint_plan::beams::{
 };
 use stillpoint_plan::dose::BeamFile;
 use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::threads::on_threads;
 
 use crate::call::BeamDoses;
 use crate::{Call, CallError, Hash, answer, goals};
 
-/// Candidates of one call.
-const SHARD: usize = 8;
+/// Neighbouring angles of the ring whose prices are one call. A call has those of the same angles beside every plan: so the
+/// worker that holds their doses prices them.
+const SHARD: u16 = 16;
 
 /// The doses of the beams of a ring, each as files.
 pub trait DoseFiles: Influence {
@@ -47,18 +50,17 @@ pub struct Names {
 }
 
 impl Names {
-    /// Of the doses of a ring of `beams` angles. It reads all of them once.
-    pub fn new<I: DoseFiles + ?Sized>(doses: &I, goals: &Goals, beams: u16) -> Self {
-        let mut places = BTreeMap::new();
-        let mut of_beam = |beam: u16| {
-            let named = doses.files_of(beam).into_iter().enumerate().map(|(setup, file)| {
-                let hash = Hash::of(file.bytes());
-                places.insert(hash, (beam, setup));
-                hash
-            });
-            named.collect()
+    /// Of the doses of a ring of `beams` angles. It reads all of them once, on these threads.
+    pub fn new<I: DoseFiles + ?Sized>(doses: &I, goals: &Goals, beams: u16, threads: NonZeroUsize) -> Self {
+        let all: Vec<u16> = (0..beams).collect();
+        let of_beam = |beam: &u16| -> Result<BeamDoses, Infallible> {
+            Ok(doses.files_of(*beam).into_iter().map(|file| Hash::of(file.bytes())).collect())
         };
-        let beams = (0..beams).map(&mut of_beam).collect();
+        let Ok(beams) = on_threads(&all, threads, of_beam);
+        let mut places = BTreeMap::new();
+        for (beam, setups) in all.into_iter().zip(&beams) {
+            places.extend(setups.iter().enumerate().map(|(setup, hash)| (*hash, (beam, setup))));
+        }
         let goals = goals::to_bytes(goals);
         Self { goals_hash: Hash::of(&goals), goals, beams, places }
     }
@@ -81,9 +83,9 @@ pub struct PoolSetup<'a, I: DoseFiles + ?Sized> {
 }
 
 impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
-    /// Of the doses of a ring of `beams` angles. It reads all of them once.
-    pub fn new(doses: &'a I, goals: &'a Goals, beams: u16) -> Self {
-        Self { doses, goals, names: Cow::Owned(Names::new(doses, goals, beams)) }
+    /// Of the doses of a ring of `beams` angles. It reads all of them once, on these threads.
+    pub fn new(doses: &'a I, goals: &'a Goals, beams: u16, threads: NonZeroUsize) -> Self {
+        Self { doses, goals, names: Cow::Owned(Names::new(doses, goals, beams, threads)) }
     }
 
     /// Of doses and goals with these names.
@@ -130,7 +132,7 @@ impl<'a, I: DoseFiles + ?Sized> PoolSetup<'a, I> {
             base: plan.as_ref().map(|(hash, _)| *hash),
             candidates: self.of(shard),
         };
-        (candidates.chunks(SHARD).map(call).collect(), plan)
+        (candidates.chunk_by(|a, b| a / SHARD == b / SHARD).map(call).collect(), plan)
     }
 
     /// The sets with the answers of their calls.

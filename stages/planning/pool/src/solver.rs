@@ -1,6 +1,7 @@
 //! The solver of a search over the pool: the same bytes as on the threads of this process.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use stillpoint_plan::beams::{BeamSet, Evaluated, RingDoses, Solver, Stop};
@@ -12,10 +13,16 @@ use crate::{Call, CallError, Courier, Hash, Home, Pool, PoolSetup, answer};
 pub struct PoolSolver<'a, C: Courier, I: DoseFiles + ?Sized = RingDoses> {
     pool: &'a mut Pool<C>,
     setup: &'a PoolSetup<'a, I>,
-    /// Solves that were begun and have no answer yet, in their order.
+    /// Calls that were begun and have no answer yet, in their order.
     ahead: Vec<(Hash, Call)>,
-    /// Answers of solves that were begun and are not asked for yet.
+    /// Answers of calls that were begun and are not asked for yet.
     early: BTreeMap<Hash, Arc<Vec<u8>>>,
+    /// Sets that were begun last, with the keys of their solves.
+    begun: Vec<(BeamSet, Hash)>,
+    /// Solves that were begun, and the candidates that are priced beside each as soon as it is solved.
+    expected: BTreeMap<Hash, (BeamSet, Vec<u16>)>,
+    /// Plans that the prices among `ahead` name.
+    plans: BTreeMap<Hash, Vec<u8>>,
     /// Why the pool cannot be used any more: this process goes on alone.
     broken: Option<String>,
 }
@@ -23,7 +30,16 @@ pub struct PoolSolver<'a, C: Courier, I: DoseFiles + ?Sized = RingDoses> {
 impl<'a, C: Courier, I: DoseFiles + ?Sized> PoolSolver<'a, C, I> {
     /// On this pool.
     pub fn new(pool: &'a mut Pool<C>, setup: &'a PoolSetup<'a, I>) -> Self {
-        Self { pool, setup, ahead: Vec::new(), early: BTreeMap::new(), broken: None }
+        Self {
+            pool,
+            setup,
+            ahead: Vec::new(),
+            early: BTreeMap::new(),
+            begun: Vec::new(),
+            expected: BTreeMap::new(),
+            plans: BTreeMap::new(),
+            broken: None,
+        }
     }
 
     /// Why the pool could not be used to the end.
@@ -36,31 +52,64 @@ impl<'a, C: Courier, I: DoseFiles + ?Sized> PoolSolver<'a, C, I> {
         self.broken.is_none() && sets.iter().all(|set| !set.beams().is_empty() && setup.holds(set.beams()))
     }
 
-    /// Answers of these calls, in their order. Those of solves that were begun may come meanwhile.
-    fn call_all(
-        &mut self,
-        calls: Vec<Call>,
-        plan: Option<&(Hash, Vec<u8>)>,
-    ) -> Result<Vec<Arc<Vec<u8>>>, CallError> {
+    /// Answers of these calls, in their order. Those of calls that were begun may come meanwhile, and prices that are
+    /// expected beside one of them are begun then.
+    fn call_all(&mut self, calls: Vec<Call>) -> Result<Vec<Arc<Vec<u8>>>, CallError> {
         let keys: Vec<Hash> = calls.iter().map(|call| self.pool.key(call)).collect();
-        self.pool.note_needs(&keys);
         let mut found: BTreeMap<Hash, Arc<Vec<u8>>> =
             keys.iter().filter_map(|key| self.early.remove_entry(key)).collect();
         self.ahead.retain(|(key, _)| !keys.contains(key));
-        let missing = keys.iter().zip(calls).filter(|(key, _)| !found.contains_key(*key));
-        let (mut all_keys, mut all): (Vec<Hash>, Vec<Call>) = missing.map(|(key, call)| (*key, call)).unzip();
-        let awaited = all.len();
-        all_keys.extend(self.ahead.iter().map(|(key, _)| *key));
-        all.extend(self.ahead.iter().map(|(_, call)| call.clone()));
-        let asking = Asking { setup: self.setup, calls: &all, plan };
-        let early = &mut self.early;
-        self.pool.call_first(&all, awaited, &asking, |place, answer| {
-            let into = if place < awaited { &mut found } else { &mut *early };
-            into.insert(all_keys[place], Arc::clone(answer));
-            Ok(())
-        })?;
-        self.ahead.retain(|(key, _)| !self.early.contains_key(key));
-        keys.iter().map(|key| found.get(key).cloned().ok_or(CallError::NoAnswer)).collect()
+        let all_of_them: Vec<(Hash, Call)> = keys.iter().copied().zip(calls).collect();
+        self.pool.note_needs(&keys);
+        loop {
+            let missing = all_of_them.iter().filter(|(key, _)| !found.contains_key(key));
+            let mut all: Vec<(Hash, Call)> = missing.cloned().collect();
+            let awaited = all.len();
+            all.extend(self.ahead.iter().cloned());
+            let (all_keys, all): (Vec<Hash>, Vec<Call>) = all.into_iter().unzip();
+            let asking = Asking { setup: self.setup, calls: &all, plans: &self.plans };
+            let (early, expected) = (&mut self.early, &self.expected);
+            let mut solved = Vec::new();
+            self.pool.call_first(&all, awaited, &asking, |place, answer| {
+                let key = all_keys[place];
+                let into = if place < awaited { &mut found } else { &mut *early };
+                into.insert(key, Arc::clone(answer));
+                if !expected.contains_key(&key) {
+                    return Ok(ControlFlow::Continue(()));
+                }
+                solved.push((key, Arc::clone(answer)));
+                Ok(ControlFlow::Break(()))
+            })?;
+            self.ahead.retain(|(key, _)| !self.early.contains_key(key));
+            let (ahead, plans) = (&self.ahead, &mut self.plans);
+            plans.retain(|plan, _| ahead.iter().chain(&all_of_them).any(|(_, call)| is_beside(call, plan)));
+            for (key, answer) in solved {
+                self.begin_prices(&key, &answer)?;
+            }
+            if keys.iter().all(|key| found.contains_key(key)) {
+                return keys.iter().map(|key| found.get(key).cloned().ok_or(CallError::NoAnswer)).collect();
+            }
+            self.pool.note_needs(&keys);
+        }
+    }
+
+    /// Asks the prices that are expected beside a solve, whose answer is there.
+    fn begin_prices(&mut self, solve: &Hash, answer: &Arc<Vec<u8>>) -> Result<(), CallError> {
+        let Some((set, candidates)) = self.expected.remove(solve) else { return Ok(()) };
+        let solved = self.setup.evaluated(&[&set], &[answer.as_slice()])?;
+        let (calls, plan) = self.setup.price_calls(solved.first(), &candidates);
+        self.plans.extend(plan);
+        let keys = self.begin_calls(calls)?;
+        self.pool.note_followers(&keys, solve);
+        Ok(())
+    }
+
+    /// Asks calls without waiting for an answer. It gives their keys.
+    fn begin_calls(&mut self, calls: Vec<Call>) -> Result<Vec<Hash>, CallError> {
+        self.pool.begin(&calls, &Asking { setup: self.setup, calls: &calls, plans: &self.plans })?;
+        let keys: Vec<Hash> = calls.iter().map(|call| self.pool.key(call)).collect();
+        self.ahead.extend(keys.iter().copied().zip(calls));
+        Ok(keys)
     }
 
     /// Goes on without the pool.
@@ -68,6 +117,9 @@ impl<'a, C: Courier, I: DoseFiles + ?Sized> PoolSolver<'a, C, I> {
         self.broken = Some(reason.to_string());
         self.ahead.clear();
         self.early.clear();
+        self.begun.clear();
+        self.expected.clear();
+        self.plans.clear();
     }
 }
 
@@ -90,7 +142,7 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
         if sets.is_empty() || !self.is_usable(sets) {
             return setup.local().solve(sets, near, tolerance);
         }
-        let answers = self.call_all(setup.solve_calls(sets, near, tolerance), None);
+        let answers = self.call_all(setup.solve_calls(sets, near, tolerance));
         let solved = answers.and_then(|answers| {
             let bytes: Vec<&[u8]> = answers.iter().map(|answer| answer.as_slice()).collect();
             setup.evaluated(sets, &bytes)
@@ -106,16 +158,18 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
         if !self.is_usable(sets) {
             return Ok(());
         }
-        let calls = self.setup.solve_calls(sets, near, tolerance);
-        let begun = self.pool.begin(&calls, &Asking { setup: self.setup, calls: &calls, plan: None });
-        match begun {
-            Ok(()) => {
-                let keyed = calls.into_iter().map(|call| (self.pool.key(&call), call));
-                self.ahead.extend(keyed);
-            }
+        match self.begin_calls(self.setup.solve_calls(sets, near, tolerance)) {
+            Ok(keys) => self.begun = sets.iter().map(|set| BeamSet::clone(set)).zip(keys).collect(),
             Err(reason) => self.give_up(&reason),
         }
         Ok(())
+    }
+
+    fn expect_prices(&mut self, set: &BeamSet, candidates: &[u16]) {
+        let begun = self.begun.iter().find(|(begun, _)| begun == set);
+        if let Some((_, key)) = begun.filter(|_| !candidates.is_empty() && self.setup.holds(candidates)) {
+            self.expected.insert(*key, (set.clone(), candidates.to_vec()));
+        }
     }
 
     fn price(&mut self, base: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
@@ -125,7 +179,8 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
         }
         let (calls, plan) = setup.price_calls(base, candidates);
         let counts: Vec<usize> = calls.iter().map(Call::candidates).collect();
-        let prices = self.call_all(calls, plan.as_ref()).and_then(|answers| {
+        self.plans.extend(plan);
+        let prices = self.call_all(calls).and_then(|answers| {
             let prices = answers.iter().zip(counts).map(|(bytes, count)| answer::prices(bytes, count));
             Ok(prices.collect::<Result<Vec<_>, _>>().map_err(CallError::of)?.concat())
         });
@@ -139,14 +194,18 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
 struct Asking<'a, I: DoseFiles + ?Sized> {
     setup: &'a PoolSetup<'a, I>,
     calls: &'a [Call],
-    /// The plan beside which beams are priced.
-    plan: Option<&'a (Hash, Vec<u8>)>,
+    /// The plans beside which beams are priced.
+    plans: &'a BTreeMap<Hash, Vec<u8>>,
+}
+
+/// Whether a call asks for prices beside this plan.
+fn is_beside(call: &Call, plan: &Hash) -> bool {
+    matches!(call, Call::Price { base: Some(base), .. } if base == plan)
 }
 
 impl<I: DoseFiles + ?Sized> Home for Asking<'_, I> {
     fn content(&self, hash: &Hash) -> Option<&[u8]> {
-        let plan = self.plan.filter(|(of, _)| of == hash).map(|(_, bytes)| bytes.as_slice());
-        plan.or_else(|| self.setup.content(hash))
+        self.plans.get(hash).map(Vec::as_slice).or_else(|| self.setup.content(hash))
     }
 
     fn check(&self, call: usize, answer: &[u8]) -> Result<(), CallError> {
@@ -154,6 +213,11 @@ impl<I: DoseFiles + ?Sized> Home for Asking<'_, I> {
     }
 
     fn compute(&self, call: usize) -> Result<Vec<u8>, CallError> {
-        self.setup.compute(&self.calls[call], self.plan.map(|(_, bytes)| bytes.as_slice()))
+        let call = &self.calls[call];
+        let plan = match call {
+            Call::Price { base: Some(base), .. } => self.plans.get(base),
+            _ => None,
+        };
+        self.setup.compute(call, plan.map(Vec::as_slice))
     }
 }

@@ -152,7 +152,7 @@ fn a_worker_that_is_killed_twenty_times_changes_nothing() {
     let water = Water::new();
     let expected = alone(&water);
     let dying = Part { dies_after: 2, ..Part::default() };
-    let mut pool = pool(5, CALM, &[dying, Part { job: 400 * MS, ..Part::default() }]);
+    let mut pool = pool(5, CALM, &[dying, Part { job: 600 * MS, ..Part::default() }]);
     assert!(pooled(&water, &mut pool) == expected);
     assert!(pool.courier().deaths >= 20, "{} deaths", pool.courier().deaths);
 }

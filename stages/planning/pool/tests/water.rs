@@ -123,7 +123,7 @@ pub fn pooled_with<C: Courier>(water: &Water, pool: &mut Pool<C>, leaves: usize)
     loop {
         made.fill(pool, &cache, &engines, &angles(), || ()).unwrap();
         let doses = load(water, &cache);
-        let setup = PoolSetup::new(&doses, &water.goals, ANGLES);
+        let setup = PoolSetup::new(&doses, &water.goals, ANGLES, NonZeroUsize::MIN);
         let bytes = {
             let mut solver = PoolSolver::new(pool, &setup);
             let bytes = plan_bytes(water, &doses, Some(&mut solver), leaves);

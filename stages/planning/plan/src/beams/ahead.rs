@@ -55,6 +55,10 @@ impl<I: Influence + ?Sized> Evaluator<'_, I> {
             if !unknown.is_empty() {
                 solver.begin(&unknown, near.map(|near| &**near), self.tolerance)?;
             }
+            // A set without a beam is solved so that its replacements are priced.
+            for set in unknown.iter().filter(|set| set.beams().len() < self.beams) {
+                solver.expect_prices(set, &self.ring.legal(set.beams()));
+            }
         }
         self.in_progress.push_back(Group { sets: fresh, near: near.cloned() });
         Ok(true)

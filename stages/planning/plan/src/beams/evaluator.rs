@@ -116,8 +116,8 @@ pub struct Memo {
 pub struct Evaluator<'a, I: Influence + ?Sized> {
     influence: &'a I,
     goals: &'a Goals,
-    ring: Ring,
-    beams: usize,
+    pub(super) ring: Ring,
+    pub(super) beams: usize,
     budget: Budget,
     /// Solves after which the search pauses, whatever its budget.
     pause: usize,

@@ -63,6 +63,10 @@ pub trait Solver {
         Ok(())
     }
 
+    /// Says that these candidates will be priced beside a set that was begun, so that a solver with free workers can price
+    /// them as soon as the set is solved. Prices that nobody asks for change nothing.
+    fn expect_prices(&mut self, _set: &BeamSet, _candidates: &[u16]) {}
+
     /// The price of each candidate beside a solved set, or beside no beam.
     ///
     /// # Errors

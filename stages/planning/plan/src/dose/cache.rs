@@ -210,6 +210,10 @@ const SUPERPOSITION: &[u8] = b"stillpoint superposition 1";
 
 /// Hash of everything that an engine's doses depend on.
 fn engine_key(engine: &DoseEngine) -> Key {
+    engine.key.get(|| new_key(engine))
+}
+
+fn new_key(engine: &DoseEngine) -> Key {
     // Every field is named, so that a new one is thought of here.
     let DoseEngine {
         machine,
@@ -223,6 +227,7 @@ fn engine_key(engine: &DoseEngine) -> Key {
         image_spacing_mm,
         samples,
         shift_mm,
+        key: _,
     } = engine;
     let mut hash = Sha256::new();
     let mut part = |bytes: &[u8]| {

@@ -14,6 +14,7 @@ use super::superposition::{self, Superposition};
 use crate::threads::on_threads;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
+use std::sync::OnceLock;
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, Mask, PatientPosition};
 
@@ -92,6 +93,26 @@ pub struct DoseEngine {
     pub(super) samples: Option<Vec<u32>>,
     /// How far the patient lies from where he was planned, along the axes of his frame, mm.
     pub(super) shift_mm: [f64; 3],
+    /// The hash of all that the doses depend on.
+    pub(super) key: EngineKey,
+}
+
+/// The hash of all that the doses of an engine depend on, once it was asked for: it takes as long as to read the engine. A
+/// clone, which may be changed, has none.
+#[derive(Debug, Default)]
+pub(super) struct EngineKey(OnceLock<[u8; 32]>);
+
+impl EngineKey {
+    /// The hash, made by this function the first time.
+    pub fn get(&self, make: impl FnOnce() -> [u8; 32]) -> [u8; 32] {
+        *self.0.get_or_init(make)
+    }
+}
+
+impl Clone for EngineKey {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 /// A patient whose densest voxel has less than this is air.
@@ -160,6 +181,7 @@ impl DoseEngine {
             position: PatientPosition::default(),
             samples: None,
             shift_mm: [0.0; 3],
+            key: EngineKey::default(),
             machine,
             params,
         })

@@ -12,7 +12,7 @@ use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::bixels::{BixelCentre, BixelSpec};
-use super::engine::{DoseEngine, DoseParams, Fluence, check_grid, check_numbers};
+use super::engine::{DoseEngine, DoseParams, EngineKey, Fluence, check_grid, check_numbers};
 use super::error::DoseError;
 use super::machine::{Machine, MachineError};
 use super::name::EngineName;
@@ -66,6 +66,7 @@ impl DoseEngine {
             image_spacing_mm,
             samples,
             shift_mm,
+            key: _,
         } = self;
         let DoseParams { grid, bixels, fluence, cutoff_mm, engine } = params;
         let mut bytes = MAGIC.to_vec();
@@ -148,6 +149,7 @@ impl DoseEngine {
             image_spacing_mm: numbers[9],
             isocentre_mm: three(10),
             shift_mm: three(13),
+            key: EngineKey::default(),
             position: position
                 .and_then(|term| PatientPosition::of_term(&term))
                 .ok_or(PortableError::Part("position of the patient"))?,

@@ -117,7 +117,7 @@ impl Setup {
         let angles: Vec<f64> = beams.iter().map(|beam| self.ring.angle_deg(*beam)).collect();
         PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
         let doses = RingDoses::load(&cache, engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
-        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count());
+        let setup = PoolSetup::new(&doses, &self.goals, self.ring.count(), NonZeroUsize::MIN);
         let mut solver = PoolSolver::new(pool, &setup);
         let budget = Budget { solves: asked.budget };
         let evaluator = Evaluator::new(&doses, &self.goals, self.ring, asked.beams, budget);

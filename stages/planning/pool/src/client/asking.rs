@@ -14,6 +14,8 @@ const RETRY: u64 = 1_000_000_000;
 const DEMAND: u64 = 500_000_000;
 /// Calls that a worker is given beyond its slots: it fetches what they need while it computes others.
 const AHEAD: usize = 1;
+/// The same for a call that a worker computes before those that wait.
+const AHEAD_IN_HASTE: usize = 2;
 
 impl Client {
     /// Lets time pass: asks, asks again, asks others, and asks this process.
@@ -33,7 +35,7 @@ impl Client {
         let is_without_workers = self.is_without_workers(now);
         let mut proving = self.proving();
         let mut is_busy = self.calls.values().any(|open| open.inside);
-        for key in self.order.clone() {
+        for key in self.by_haste() {
             self.go_on(now, &key, (&members, is_without_workers), &mut proving, &mut is_busy);
         }
         if self.settings.tells_demand && now >= self.next_demand {
@@ -41,6 +43,13 @@ impl Client {
             let calls = self.calls.len().min(MOST_CALLS as usize) as u32;
             self.out.push((To::All, Message::Demand { calls }));
         }
+    }
+
+    /// Open calls, those first for which a search waits: prices take little, and no leaf is chosen without them.
+    fn by_haste(&self) -> Vec<Hash> {
+        let mut order = self.order.clone();
+        order.sort_by_key(|key| self.calls.get(key).is_some_and(|open| !open.kind.is_hasty()));
+        order
     }
 
     /// Workers of which an answer to a kind of call is being compared.
@@ -118,7 +127,11 @@ impl Client {
                 || open.answers.iter().any(|(of, _)| of == name)
         };
         // A call that nobody has yet may wait for a slot; a second worker is asked only where there is a free one.
-        let ahead = if have == 0 { AHEAD } else { 0 };
+        let ahead = match (have, open.kind.is_hasty()) {
+            (0, true) => AHEAD_IN_HASTE,
+            (0, false) => AHEAD,
+            _ => 0,
+        };
         // A comparison shows that both workers are right: one that has not been compared yet is the better second one.
         let (kind, compare) = (open.kind, open.compare);
         let is_second = |worker: &WorkerState| compare && have > 0 && worker.proven.contains(&kind);

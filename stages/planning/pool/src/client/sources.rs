@@ -1,4 +1,4 @@
-//! From whom workers fetch contents: from this process, or from workers that hold them when its own link is in use.
+//! From whom workers fetch contents: from workers that hold them, or from this process, whose link all of them share.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,8 +7,6 @@ use crate::message::Message;
 use crate::worker::part_message;
 use crate::{Hash, To};
 
-/// Workers to which this process gives contents at a time before it names other workers.
-const GIVES: usize = 2;
 /// Workers to which one worker gives contents at a time.
 const PEER_GIVES: usize = 2;
 /// Time after which a worker that was told where to fetch a content, or that asked for a part, is not counted any more, ns.
@@ -70,9 +68,6 @@ impl Sources {
         to: &str,
         is_usable: impl Fn(&str) -> bool,
     ) -> Option<String> {
-        if self.given(None, now) < GIVES {
-            return None;
-        }
         let holders = self.holders.get(content)?.iter();
         let free = holders
             .filter(|name| *name != to && !self.doubtful.contains(*name) && is_usable(name))

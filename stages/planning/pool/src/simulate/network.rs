@@ -1,7 +1,8 @@
 //! Hosts with a link each, and messages under way.
 //!
-//! Every host has a link of the same bandwidth in each direction to a switch that never is the narrowest part. Messages above
-//! 16 KiB follow each other on a link; shorter ones overtake them, as on the two connections of the pool.
+//! Every host has a link of the same bandwidth in each direction to a switch that never is the narrowest part. The first worker
+//! listens, and messages between other hosts pass it, as in the pool. Messages above 16 KiB follow each other on a link; shorter
+//! ones overtake them, as on the two connections of the pool.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +59,7 @@ pub struct Links<H> {
 impl<H> Links<H> {
     /// Of one host for all clients, and one for each worker.
     pub fn new(network: Network, workers: usize) -> Self {
-        let links = vec![Link::default(); 1 + workers];
+        let links = vec![Link::default(); 1 + workers.max(1)];
         Self { network, links, sent: 0, received: 0, number: 0, happenings: BTreeMap::new() }
     }
 
@@ -92,19 +93,29 @@ impl<H> Links<H> {
             _ => {}
         }
         let span = (bytes as f64 * 8e9 / self.network.bits_per_s) as u64;
-        let arrives = if bytes <= SMALL {
-            at + span + self.network.delay
-        } else {
-            let up = &mut self.links[host(posted.from)].up;
-            *up = at.max(*up) + span;
-            let sent = *up + self.network.delay;
-            let down = &mut self.links[host(posted.to)].down;
-            *down = sent.max(*down + span);
-            *down
-        };
+        let (from, to) = (host(posted.from), host(posted.to));
+        let passes = from != ROUTER && to != ROUTER;
+        let hops = if passes { vec![(from, ROUTER), (ROUTER, to)] } else { vec![(from, to)] };
+        let arrives = hops.into_iter().fold(at, |at, (from, to)| match bytes <= SMALL {
+            true => at + span + self.network.delay,
+            false => self.carry(at, span, (from, to)),
+        });
         self.at(arrives, arrival(posted));
     }
+
+    /// A long message goes from one host to another: when it is there.
+    fn carry(&mut self, at: u64, span: u64, (from, to): (usize, usize)) -> u64 {
+        let up = &mut self.links[from].up;
+        *up = at.max(*up) + span;
+        let sent = *up + self.network.delay;
+        let down = &mut self.links[to].down;
+        *down = sent.max(*down + span);
+        *down
+    }
 }
+
+/// The host of the first worker.
+const ROUTER: usize = 1;
 
 fn host(node: Node) -> usize {
     match node {
@@ -128,16 +139,26 @@ mod tests {
         let [client, one, two] = [Node::Client(0), Node::Worker(0), Node::Worker(1)];
         // 100 kB take 0.1 s on each link of 1 MB/s.
         links.post(0, posted(one, client, 100_000), |posted| posted);
+        links.post(0, posted(one, client, 100_000), |posted| posted);
+        links.post(0, posted(one, client, 1000), |posted| posted);
+        links.post(0, posted(client, one, 100_000), |posted| posted);
+        // By the first worker: one hop more, behind what it sends and takes itself.
+        links.post(0, posted(client, two, 1000), |posted| posted);
         links.post(0, posted(two, client, 100_000), |posted| posted);
-        links.post(0, posted(two, client, 1000), |posted| posted);
-        links.post(0, posted(client, two, 100_000), |posted| posted);
         let order: Vec<(u64, usize)> =
             std::iter::from_fn(|| links.next()).map(|(at, _, posted)| (at, posted.bytes.len())).collect();
         let long = 100_000_000;
         assert_eq!(
             order,
-            [(1_001_000, 1000), (long + 1000, 100_000), (long + 1000, 100_000), (2 * long + 1000, 100_000)]
+            [
+                (1_001_000, 1000),
+                (2_002_000, 1000),
+                (long + 1000, 100_000),
+                (long + 1000, 100_000),
+                (2 * long + 1000, 100_000),
+                (3 * long + 1000, 100_000),
+            ]
         );
-        assert_eq!(links.of_clients(), (100_000, 201_000));
+        assert_eq!(links.of_clients(), (101_000, 301_000));
     }
 }

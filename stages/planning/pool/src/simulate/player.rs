@@ -71,9 +71,11 @@ impl<'s> Player<'s> {
     /// Asks the calls of its next round.
     pub fn begin_round(&mut self, now: u64) {
         self.is_asking = true;
-        for place in
-            self.script.rounds[self.round].calls.iter().filter(|place| !self.answered.contains(place))
-        {
+        let is_open = |place: &&usize| {
+            let after = self.script.calls[**place].after;
+            !self.answered.contains(place) && after.is_none_or(|after| self.answered.contains(&after))
+        };
+        for place in self.script.rounds[self.round].calls.iter().filter(is_open) {
             self.client.submit(now, &self.script.calls[*place].call);
         }
         self.go_on(now);
@@ -109,7 +111,12 @@ impl<'s> Player<'s> {
                 Some(Event::Answer(key, _)) => {
                     if let Some(place) = self.script.places.get(&key) {
                         self.answered.insert(*place);
-                        now += self.script.calls[*place].taken;
+                        let asked = &self.script.calls[*place];
+                        now += asked.taken;
+                        for follower in asked.followers.iter().filter(|place| !self.answered.contains(place))
+                        {
+                            self.client.submit(now, &self.script.calls[*follower].call);
+                        }
                     }
                 }
                 Some(Event::Compute(key)) => {

@@ -39,6 +39,10 @@ pub struct Asked {
     pub answer: Hash,
     /// Bytes of its answer.
     pub length: u64,
+    /// The call whose answer is there before this one is asked.
+    pub after: Option<usize>,
+    /// The calls that are asked as soon as the answer of this one is there.
+    pub followers: Vec<usize>,
     head: [u8; 16],
 }
 
@@ -124,10 +128,17 @@ impl Script {
                 taken: ns(of.taken_s),
                 answer: of.answer.map_or_else(|| Hash::of(&body(head, length)), |answer| contents[answer]),
                 length,
+                after: of.after,
+                followers: Vec::new(),
                 head,
             })
         };
-        let calls: Vec<Asked> = record.calls.iter().enumerate().map(asked).collect::<Result<_, _>>()?;
+        let mut calls: Vec<Asked> = record.calls.iter().enumerate().map(asked).collect::<Result<_, _>>()?;
+        for (place, of) in record.calls.iter().enumerate() {
+            if let Some(after) = of.after {
+                calls[after].followers.push(place);
+            }
+        }
         let build = Build::of(&format!("{} {client}", record.build));
         let places = calls.iter().enumerate().map(|(place, asked)| (asked.call.key(&build), place)).collect();
         let answers = calls.iter().enumerate().map(|(place, asked)| (asked.answer, place)).collect();

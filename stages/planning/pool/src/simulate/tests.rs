@@ -20,6 +20,7 @@ fn solve(inputs: &[usize], answer: usize) -> RecordedCall {
         bytes: 100,
         inputs: inputs.to_vec(),
         answer: Some(answer),
+        after: None,
         submitted_s: 0.0,
         taken_s: 0.0,
         attempts: vec![attempt],

@@ -207,9 +207,8 @@ impl Model {
         }
         if self.running.is_none() {
             let is_ready = |waiting: &Waiting| waiting.inputs.iter().all(|input| self.holds.contains(input));
-            if let Some(waiting) =
-                self.waiting.iter().position(is_ready).and_then(|at| self.waiting.remove(at))
-            {
+            let at = self.by_haste(scripts).into_iter().find(|at| is_ready(&self.waiting[*at]));
+            if let Some(waiting) = at.and_then(|at| self.waiting.remove(at)) {
                 self.begin(now, &waiting, scripts, begun);
             }
         }
@@ -220,7 +219,17 @@ impl Model {
                 self.send(now, Node::Client(client), Message::Hello(self.hello(script.build.text())));
             }
         }
-        self.fetch(now);
+        self.fetch(now, scripts);
+    }
+
+    /// Places of calls that wait, those first for which a search waits.
+    fn by_haste(&self, scripts: &[Script]) -> Vec<usize> {
+        let is_hasty = |at: &usize| {
+            let Waiting { client, place, .. } = self.waiting[*at];
+            scripts[client].calls[place].call.kind().is_hasty()
+        };
+        let (hasty, others): (Vec<usize>, Vec<usize>) = (0..self.waiting.len()).partition(is_hasty);
+        [hasty, others].concat()
     }
 
     fn begin(&mut self, now: u64, waiting: &Waiting, scripts: &[Script], begun: &mut BTreeSet<Hash>) {
@@ -260,7 +269,7 @@ impl Model {
     }
 
     /// Asks for parts of the first content that a waiting call lacks.
-    fn fetch(&mut self, now: u64) {
+    fn fetch(&mut self, now: u64, scripts: &[Script]) {
         let is_needed = |content: &Hash, waiting: &VecDeque<Waiting>| {
             waiting.iter().any(|waiting| waiting.inputs.contains(content))
         };
@@ -268,7 +277,8 @@ impl Model {
             self.fetch = None;
         }
         if self.fetch.is_none() {
-            let missing = self.waiting.iter().find_map(|waiting| {
+            let missing = self.by_haste(scripts).into_iter().find_map(|at| {
+                let waiting = &self.waiting[at];
                 let content = waiting.inputs.iter().find(|input| !self.holds.contains(input))?;
                 Some((*content, waiting.client))
             });

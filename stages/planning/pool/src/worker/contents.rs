@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Waiting, Worker};
+use super::{Waiting, Worker, by_haste};
 use crate::fetch::{Fetch, FetchError};
 use crate::message::{Message, PART};
 use crate::{Hash, StoreError, To};
@@ -121,7 +121,7 @@ impl Worker {
                 let store = &mut self.store;
                 // What does not fit into the cache is not fetched.
                 let most = store.size().1;
-                self.fetch = self.waiting.iter().find_map(|w| {
+                self.fetch = by_haste(&self.waiting).find_map(|(_, w)| {
                     let content = w.call.inputs().into_iter().find(|hash| !store.holds(hash))?;
                     Some(Fetching::from_asker(w.askers.first()?.clone(), (content, most), false))
                 });
@@ -166,8 +166,8 @@ impl Worker {
         }
     }
 
-    /// Contents that must stay: those of the call that has waited longest.
+    /// Contents that must stay: those of the call that is next.
     pub(super) fn requested(&self) -> BTreeSet<Hash> {
-        self.waiting.front().map(|w| w.call.inputs().into_iter().collect()).unwrap_or_default()
+        by_haste(&self.waiting).next().map(|(_, w)| w.call.inputs().into_iter().collect()).unwrap_or_default()
     }
 }

@@ -224,8 +224,8 @@ impl Worker {
     pub fn next_job(&mut self) -> Option<Job> {
         while self.running.len() < self.settings.slots {
             let store = &mut self.store;
-            let at =
-                self.waiting.iter().position(|w| w.call.inputs().iter().all(|hash| store.holds(hash)))?;
+            let is_ready = |(_, w): &(usize, &Waiting)| w.call.inputs().iter().all(|hash| store.holds(hash));
+            let (at, _) = by_haste(&self.waiting).find(is_ready)?;
             let Waiting { key, call, askers } = self.waiting.remove(at)?;
             match Files::of(store, call.inputs()) {
                 Ok(files) => {
@@ -327,6 +327,14 @@ impl Worker {
     fn report(&mut self, askers: &[String], message: Message) {
         self.out.extend(askers.iter().map(|asker| (To::one(asker), message.clone())));
     }
+}
+
+/// Calls that wait with their places, those first for which a search waits.
+fn by_haste(waiting: &VecDeque<Waiting>) -> impl Iterator<Item = (usize, &Waiting)> {
+    let of = move |is_hasty: bool| {
+        waiting.iter().enumerate().filter(move |(_, w)| w.call.kind().is_hasty() == is_hasty)
+    };
+    of(true).chain(of(false))
 }
 
 fn answer_message(key: Hash, answer: Hash, bytes: Vec<u8>) -> Message {

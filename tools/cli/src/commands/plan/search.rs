@@ -22,7 +22,8 @@ pub fn all(request: &Request, prepared: &Prepared, pooled: Option<&mut Pooled>) 
         return Ok(runs?.into_iter().unzip());
     };
     let setup = &request.setup;
-    let named = PoolSetup::new(&prepared.doses.solved, &setup.goals, setup.directions.ring().count());
+    let beams = setup.directions.ring().count();
+    let named = PoolSetup::new(&prepared.doses.solved, &setup.goals, beams, request.threads);
     let mut solver = PoolSolver::new(&mut pooled.pool, &named);
     let mut runs = Runs::default();
     for search in &request.searches {
