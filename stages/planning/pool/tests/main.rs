@@ -14,8 +14,8 @@ use games::GRID_MM;
 use simulated::{CALM, MS, Part, Simulated, Weather, build};
 use stillpoint_network::Rules;
 use stillpoint_pool::{
-    Build, Call, Client, ClientSettings, Event, Hash, Message, Network, Pool, Record, Simulation, Store,
-    Worker, WorkerSettings,
+    Build, Call, Client, ClientSettings, Event, Hash, Message, Network, Pool, Record, RecordedCall,
+    Simulation, Store, Worker, WorkerSettings,
 };
 use water::{Water, alone, alone_with, pooled, pooled_with};
 
@@ -197,6 +197,28 @@ fn a_record_of_a_plan_gives_the_time_that_it_took_and_that_of_other_workers() {
         let outcome = Simulation { workers, network }.run(&[from]).unwrap();
         let ratio = outcome.seconds / took.seconds();
         assert!((0.85..1.15).contains(&ratio), "{workers} workers: {outcome:?}, {} s", took.seconds());
+    }
+}
+
+#[test]
+fn prices_are_asked_as_soon_as_their_solve_is_there_and_computed_before_solves_that_wait() {
+    let water = Water::new();
+    let settings = ClientSettings { checked: 0.0, ..ClientSettings::new(build()) };
+    let part = Part { job: 500 * MS, ..Part::default() };
+    let mut pool = Pool::new(Simulated::new(1, CALM, &[part]), settings);
+    pool.start_record();
+    pooled_with(&water, &mut pool, 8);
+    let record = pool.take_record().unwrap();
+    let answered = |call: &RecordedCall| call.attempts.iter().find_map(|attempt| attempt.answered_s).unwrap();
+    let of_kind = |kind: &'static str| record.calls.iter().filter(move |call| call.kind == kind);
+    let solves: Vec<f64> = of_kind("solve").map(answered).collect();
+    assert!(of_kind("price").count() > 10);
+    for price in of_kind("price") {
+        let solve = answered(&record.calls[price.after.unwrap()]);
+        assert!((0.0..0.1).contains(&(price.submitted_s - solve)), "{price:?}");
+        let meanwhile = solves.iter().filter(|at| (price.submitted_s..answered(price)).contains(*at)).count();
+        // The one that was computed when the price was asked.
+        assert!(meanwhile <= 1, "{meanwhile} solves before {price:?}");
     }
 }
 

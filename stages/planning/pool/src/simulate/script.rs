@@ -241,7 +241,8 @@ fn usual(record: &Record) -> Result<BTreeMap<Kind, (u64, u64)>, SimulationError>
     Ok(of_kind.into_iter().map(|(kind, (times, lengths))| (kind, (median(times), median(lengths)))).collect())
 }
 
-/// What workers needed for each byte that they fetched and opened first.
+/// What workers needed for each byte that they fetched and opened first. Calls without a fetch say nothing of it: before them a
+/// worker takes messages of those that fetch from it.
 fn rates(record: &Record) -> Rates {
     let mut known: BTreeSet<(&str, usize)> = BTreeSet::new();
     let mut own: BTreeSet<(&str, usize)> = BTreeSet::new();
@@ -258,7 +259,7 @@ fn rates(record: &Record) -> Rates {
             continue;
         };
         let of_kind = &mut opened[usize::from(call.kind != Kind::Dose.word())];
-        fetched.0 += attempt.received_s * 1e9;
+        let fetched_before = fetched.1;
         of_kind.0 += attempt.opened_s * 1e9;
         for input in call.inputs.iter().filter(|input| known.insert((worker, **input))) {
             let bytes = record.contents[*input];
@@ -266,6 +267,9 @@ fn rates(record: &Record) -> Rates {
             if !own.contains(&(worker, *input)) {
                 fetched.1 += bytes;
             }
+        }
+        if fetched.1 > fetched_before {
+            fetched.0 += attempt.received_s * 1e9;
         }
         own.extend(call.answer.map(|answer| (worker, answer)));
     }

@@ -89,6 +89,19 @@ fn contents_take_their_time_on_the_link_of_the_client() {
 }
 
 #[test]
+fn messages_of_those_who_fetch_from_a_worker_do_not_lengthen_what_it_fetches() {
+    let mut record = record(1, 2, 0.0, 10_000_000);
+    record.calls[1].inputs = record.calls[0].inputs.clone();
+    // Before its second call the recorded worker fetched nothing.
+    record.calls[1].attempts[0].received_s = 5.0;
+    let outcome = run(&record, 1, FAST);
+    assert!(outcome.seconds < 4.0, "{outcome:?}");
+    record.calls[0].attempts[0].received_s = 5.0;
+    let outcome = run(&record, 1, FAST);
+    assert!(outcome.seconds > 7.0, "{outcome:?}");
+}
+
+#[test]
 fn clients_that_ask_at_the_same_time_fill_the_pauses_of_each_other() {
     let record = record(6, 2, 1.0, 1000);
     let one = run(&record, 4, FAST);
