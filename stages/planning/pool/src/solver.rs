@@ -159,7 +159,7 @@ impl<C: Courier, I: DoseFiles + ?Sized> Solver for PoolSolver<'_, C, I> {
             return Ok(());
         }
         match self.begin_calls(self.setup.solve_calls(sets, near, tolerance)) {
-            Ok(keys) => self.begun = sets.iter().map(|set| BeamSet::clone(set)).zip(keys).collect(),
+            Ok(keys) => self.begun = sets.iter().copied().cloned().zip(keys).collect(),
             Err(reason) => self.give_up(&reason),
         }
         Ok(())
