@@ -82,7 +82,9 @@ impl<'a, C: Courier, I: DoseFiles + ?Sized> PoolSolver<'a, C, I> {
             })?;
             self.ahead.retain(|(key, _)| !self.early.contains_key(key));
             let (ahead, plans) = (&self.ahead, &mut self.plans);
-            plans.retain(|plan, _| ahead.iter().chain(&all_of_them).any(|(_, call)| is_beside(call, plan)));
+            plans.retain(|plan, _| {
+                ahead.iter().chain(&all_of_them).any(|(_, call)| is_priced_with(call, plan))
+            });
             for (key, answer) in solved {
                 self.begin_prices(&key, &answer)?;
             }
@@ -199,7 +201,7 @@ struct Asking<'a, I: DoseFiles + ?Sized> {
 }
 
 /// Whether a call asks for prices beside this plan.
-fn is_beside(call: &Call, plan: &Hash) -> bool {
+fn is_priced_with(call: &Call, plan: &Hash) -> bool {
     matches!(call, Call::Price { base: Some(base), .. } if base == plan)
 }
 

@@ -185,7 +185,7 @@ impl<'s> World<'s> {
                     }
                 }
                 Happening::Round(client) => match self.players[client].free_at {
-                    free_at if now < free_at => self.links.again(free_at, number, Happening::Round(client)),
+                    free_at if now < free_at => self.links.put_off(free_at, number, Happening::Round(client)),
                     _ => self.play(client, now, |player, now| player.begin_round(now)),
                 },
                 Happening::Worker(place) => self.act(now, place),
@@ -218,7 +218,7 @@ impl<'s> World<'s> {
                 let free_at = self.players[client].free_at;
                 if now < free_at {
                     // The client is at work: the message waits, in front of those behind it.
-                    return self.links.again(free_at, number, Happening::Arrival(posted));
+                    return self.links.put_off(free_at, number, Happening::Arrival(posted));
                 }
                 let Node::Worker(worker) = posted.from else { return };
                 let from = self.workers[worker].name.clone();

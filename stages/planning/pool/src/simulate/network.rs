@@ -75,7 +75,7 @@ impl<H> Links<H> {
     }
 
     /// Something that was to happen waits until a time, with its number.
-    pub fn again(&mut self, time: u64, number: u64, happening: H) {
+    pub fn put_off(&mut self, time: u64, number: u64, happening: H) {
         self.happenings.insert((time, number), happening);
     }
 
