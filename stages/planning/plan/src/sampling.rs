@@ -20,7 +20,7 @@ const BORDER: f32 = 1.01;
 const NEAR_MM: f32 = 20.0;
 /// Structures smaller than this have every voxel as a point, cm3.
 const SMALL_CM3: f64 = 5.0;
-/// Every so many voxels along each axis one is a point farther from targets than that.
+/// Step from point to point farther from targets than that, in voxels along each axis.
 const FAR: u8 = 3;
 /// The same where doses from all angles must be at hand.
 const FAR_AND_FEW: u8 = 5;

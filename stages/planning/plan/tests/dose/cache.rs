@@ -59,7 +59,19 @@ fn anything_that_dose_depends_on_makes_another_file() {
         assert!(matches!(cache.beam(engine, 0.0).unwrap().origin, Origin::Computed), "{before}");
     }
     cache.beam(&engines[0], 1.0).unwrap();
-    assert_eq!(files(folder.path()).len(), engines.len() + 1);
+    // An engine keeps its key once it was asked for; what is made from it has a key of its own.
+    let from = &engines[0];
+    let wide = stillpoint_plan::dose::BixelSpec { width_mm: 12.0, ..from.params().bixels };
+    let made = [
+        from.shifted([1.0, 0.0, 0.0]).unwrap(),
+        from.within(&[1500, 1600]),
+        from.sampled(vec![1500, 1600]),
+        from.with_bixels(wide),
+    ];
+    for (number, engine) in made.iter().enumerate() {
+        assert!(matches!(cache.beam(engine, 0.0).unwrap().origin, Origin::Computed), "made {number}");
+    }
+    assert_eq!(files(folder.path()).len(), engines.len() + 1 + made.len());
 }
 
 #[test]

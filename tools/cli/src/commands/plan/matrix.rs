@@ -55,7 +55,7 @@ impl Export {
         let request = Request::new(&self.args, &patient)?;
         let out = OutFolder::ready(&request.out)?;
         let record = self.args.pool_record.as_deref();
-        let mut pooled = self.args.pool.open()?.map(|pool| Pooled::new(pool, record));
+        let mut pooled = self.args.pool.open()?.map(|pool| Pooled::new(pool, record)).transpose()?;
         let prepared = loop {
             let prepared = Prepared::new(&request, pooled.as_mut())?;
             let Some(pooled) = &mut pooled else { break prepared };

@@ -46,7 +46,8 @@ pub fn plan(
     let mut request = Request::new(args, patient)?;
     let out = OutFolder::ready(&request.out)?;
     let began = Instant::now();
-    let mut pooled = args.pool.open()?.map(|pool| Pooled::new(pool, args.pool_record.as_deref()));
+    let record = args.pool_record.as_deref();
+    let mut pooled = args.pool.open()?.map(|pool| Pooled::new(pool, record)).transpose()?;
     let Searched { request, prepared, runs, best, doses_s } = loop {
         let searched = searched(request, patient.weights.as_deref(), pooled.as_mut())?;
         let Some(pooled) = &mut pooled else { break searched };

@@ -20,19 +20,20 @@ pub struct Pooled {
 }
 
 impl Pooled {
-    /// Of this pool, whose calls go into a file if one is given.
-    pub fn new(mut pool: Pool<ChildCourier>, record: Option<&Path>) -> Self {
-        if record.is_some() {
+    /// Of this pool, whose calls go into a file if one is given. The file is made here: a plan that took an hour is not lost
+    /// because it cannot be written.
+    pub fn new(mut pool: Pool<ChildCourier>, record: Option<&Path>) -> Result<Self, Failure> {
+        if let Some(file) = record {
+            write(file, "")?;
             pool.start_record();
         }
-        Self { pool, made: PoolDoses::default(), record: record.map(Path::to_owned) }
+        Ok(Self { pool, made: PoolDoses::default(), record: record.map(Path::to_owned) })
     }
 
     /// Writes the calls into their file, if there is one.
     pub fn write_record(&mut self) -> Result<(), Failure> {
         let (Some(file), Some(record)) = (&self.record, self.pool.take_record()) else { return Ok(()) };
-        std::fs::write(file, record.to_text())
-            .map_err(|e| Failure::failed(format!("{}: {e}", file.display())))
+        write(file, &record.to_text())
     }
 
     /// Computes the doses that the folder lacks. `on_dose` is called for each. Where the pool cannot be used, the doses
@@ -77,4 +78,10 @@ impl Pooled {
             );
         }
     }
+}
+
+fn write(record: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(record, text).map_err(|e| {
+        Failure::failed(format!("--pool-record {}: the calls cannot be written there: {e}", record.display()))
+    })
 }
