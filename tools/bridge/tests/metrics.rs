@@ -5,7 +5,6 @@ use std::net::TcpStream;
 use std::process::Stdio;
 use std::sync::mpsc::channel;
 
-use stillpoint_plan::dose::DoseCache;
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
 
@@ -76,12 +75,12 @@ fn a_router_and_a_worker_serve_figures_of_calls_bytes_cache_and_peers() {
     let mut pool = Pool::new(courier, settings);
     let water = Water::new();
     let engines = [water.engine.clone()];
-    let spare = DoseCache::in_folder(&folder.path().join("spare")).unwrap();
+    let mut spare = PoolDoses::in_folder(&folder.path().join("spare")).unwrap();
     let mut round = 0.0;
     wait_for("calls", || {
         round += 1.0;
         let angles: Vec<f64> = angles().iter().map(|deg| deg + 0.01 * round).take(4).collect();
-        PoolDoses::default().fill(&mut pool, &spare, &engines, &angles, || ()).unwrap();
+        spare.fill(&mut pool, &engines, &angles, || ()).unwrap();
         let body = figures(&of_worker);
         let of =
             |name: &str| value(&body, &format!("stillpoint_worker_{name}{{worker=\"worker-w\"")).unwrap();

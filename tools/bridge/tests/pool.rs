@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use stillpoint_plan::dose::DoseCache;
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
 use stillpoint_remote::{Authority, Role};
@@ -64,12 +63,12 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     let mut pool = Pool::new(courier, settings);
 
     // Both compute doses.
-    let spare = DoseCache::in_folder(&folder.path().join("spare")).unwrap();
+    let mut spare = PoolDoses::in_folder(&folder.path().join("spare")).unwrap();
     let engines = [water.engine.clone()];
     let mut both_answered = false;
     for round in 0..600 {
         let angles: Vec<f64> = angles().iter().map(|deg| deg + 0.01 * f64::from(round)).take(6).collect();
-        PoolDoses::default().fill(&mut pool, &spare, &engines, &angles, || ()).unwrap();
+        spare.fill(&mut pool, &engines, &angles, || ()).unwrap();
         both_answered = pool.workers().values().filter(|worker| worker.answered > 0).count() == 2;
         if both_answered {
             break;
@@ -121,9 +120,9 @@ fn the_pool_says_how_many_workers_are_wanted_and_one_that_is_asked_to_end_does_s
         let courier = ChildCourier::start(program(&["plan-client", "--connect", &to])).unwrap();
         let settings = ClientSettings { tells_demand: true, ..ClientSettings::new(Build::here().unwrap()) };
         let mut pool = Pool::new(courier, settings);
-        let spare = DoseCache::in_folder(&spare).unwrap();
+        let mut spare = PoolDoses::in_folder(&spare).unwrap();
         let engines = [Water::new().engine];
-        PoolDoses::default().fill(&mut pool, &spare, &engines, &angles()[..6], || ()).unwrap();
+        spare.fill(&mut pool, &engines, &angles()[..6], || ()).unwrap();
         pool.tally()
     });
     let wanted = |slots: &str| {

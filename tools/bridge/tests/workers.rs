@@ -45,20 +45,21 @@ impl Setup {
     /// All doses and a search, with the time that each took, s, and the plan's bytes.
     fn plan(&self, pool: Option<&mut Pool<ChildCourier>>) -> ([f64; 2], Vec<u8>) {
         let folder = tempfile::tempdir().unwrap();
-        let cache = DoseCache::in_folder(folder.path()).unwrap();
         let engines = std::slice::from_ref(&self.engine);
         let beams: Vec<u16> = (0..self.ring.count()).collect();
-        let load = || RingDoses::load(&cache, engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
+        let load =
+            |cache| RingDoses::load(cache, engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
         let begun = Instant::now();
         let Some(pool) = pool else {
-            let doses = load();
+            let doses = load(&DoseCache::in_folder(folder.path()).unwrap());
             let dosed = begun.elapsed().as_secs_f64();
             let plan = self.search(&doses, None);
             return ([dosed, begun.elapsed().as_secs_f64() - dosed], plan);
         };
         let angles: Vec<f64> = beams.iter().map(|beam| self.ring.angle_deg(*beam)).collect();
-        PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
-        let doses = load();
+        let mut made = PoolDoses::in_folder(folder.path()).unwrap();
+        made.fill(pool, engines, &angles, || ()).unwrap();
+        let doses = load(made.cache());
         let dosed = begun.elapsed().as_secs_f64();
         let setup = PoolSetup::new(&doses, &self.goals, self.ring.count(), NonZeroUsize::MIN);
         let mut solver = PoolSolver::new(pool, &setup);
@@ -95,13 +96,13 @@ fn with(workers: usize, setup: &Setup) -> ([f64; 2], Vec<u8>) {
     let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
     let mut pool = Pool::new(courier, ClientSettings::new(Build::here().unwrap()));
     // Time begins when all workers have answered.
-    let spare = DoseCache::in_folder(&folder.path().join("spare")).unwrap();
+    let mut spare = PoolDoses::in_folder(&folder.path().join("spare")).unwrap();
     let mut round = 0;
     wait_for("all workers", || {
         round += 1;
         let angles: Vec<f64> = (0..4).map(|i| f64::from(round) * 0.01 + f64::from(i) * 0.001).collect();
         let engines = std::slice::from_ref(&setup.engine);
-        PoolDoses::default().fill(&mut pool, &spare, engines, &angles, || ()).unwrap();
+        spare.fill(&mut pool, engines, &angles, || ()).unwrap();
         (pool.workers().values().filter(|worker| worker.answered > 0).count() == workers).then_some(())
     });
     setup.plan(Some(&mut pool))

@@ -13,11 +13,12 @@ use broken::Nothing;
 use games::GRID_MM;
 use simulated::{CALM, MS, Part, Simulated, Weather, build};
 use stillpoint_network::Rules;
+use stillpoint_plan::dose::DoseCache;
 use stillpoint_pool::{
-    Build, Call, Client, ClientSettings, Event, Hash, Message, Network, Pool, Record, RecordedCall,
-    Simulation, Store, Worker, WorkerSettings,
+    Build, Call, Client, ClientSettings, Event, Hash, Message, Network, Pool, PoolDoses, Record,
+    RecordedCall, Simulation, Store, Worker, WorkerSettings,
 };
-use water::{Water, alone, alone_with, pooled, pooled_with};
+use water::{Water, alone, alone_with, angles, pooled, pooled_with};
 
 const STORM: Weather = Weather { delay: (5 * MS, 200 * MS), lost: 60, doubled: 60 };
 
@@ -239,6 +240,30 @@ fn workers_give_each_other_what_they_hold_and_one_that_gives_something_else_is_n
     assert!(reported.count() > 0, "{news:?}");
     // Its answers are right, so it is asked all the same.
     assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()));
+}
+
+#[test]
+fn doses_of_workers_stay_out_of_the_folder_until_they_are_in_no_doubt() {
+    let water = Water::new();
+    let folder = tempfile::tempdir().unwrap();
+    let cache = DoseCache::in_folder(folder.path()).unwrap();
+    let is_missing = |cache: &DoseCache| cache.missing(&water.engine, &angles()).len();
+    for left in [18, 0] {
+        let mut made = PoolDoses::in_folder(folder.path()).unwrap();
+        made.fill(
+            &mut pool(7, CALM, &[Part::default()]),
+            std::slice::from_ref(&water.engine),
+            &angles(),
+            || (),
+        )
+        .unwrap();
+        assert_eq!((is_missing(made.cache()), is_missing(&cache)), (0, 18));
+        if left == 0 {
+            made.adopt().unwrap();
+        }
+        drop(made);
+        assert_eq!(is_missing(&cache), left);
+    }
 }
 
 #[test]

@@ -117,12 +117,11 @@ pub fn pooled<C: Courier>(water: &Water, pool: &mut Pool<C>) -> (Vec<u8>, Vec<Ve
 /// The same with so many leaves under way.
 pub fn pooled_with<C: Courier>(water: &Water, pool: &mut Pool<C>, leaves: usize) -> (Vec<u8>, Vec<Vec<u8>>) {
     let folder = tempfile::tempdir().unwrap();
-    let cache = DoseCache::in_folder(folder.path()).unwrap();
     let engines = [water.engine.clone()];
-    let mut made = PoolDoses::default();
+    let mut made = PoolDoses::in_folder(folder.path()).unwrap();
     loop {
-        made.fill(pool, &cache, &engines, &angles(), || ()).unwrap();
-        let doses = load(water, &cache);
+        made.fill(pool, &engines, &angles(), || ()).unwrap();
+        let doses = load(water, made.cache());
         let setup = PoolSetup::new(&doses, &water.goals, ANGLES, NonZeroUsize::MIN);
         let bytes = {
             let mut solver = PoolSolver::new(pool, &setup);

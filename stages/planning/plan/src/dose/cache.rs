@@ -6,17 +6,21 @@ use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
 use super::machine::{MachineFile, PencilsOf};
 use super::name::EngineName;
+use super::pending::Pending;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
 use std::io::ErrorKind;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A folder of doses by beam. A file's name is the hash of all that its dose depends on.
 #[derive(Clone, Debug)]
 pub struct DoseCache {
     folder: PathBuf,
+    /// Where doses go that others computed.
+    pending: Option<Arc<Pending>>,
 }
 
 /// A beam from the cache.
@@ -70,9 +74,30 @@ impl DoseCache {
     /// The cache in a folder, which is made if it is not there.
     pub fn in_folder(folder: &Path) -> Result<Self, CacheError> {
         match std::fs::create_dir_all(folder) {
-            Ok(()) => Ok(Self { folder: folder.to_owned() }),
+            Ok(()) => Ok(Self { folder: folder.to_owned(), pending: None }),
             Err(source) => Err(CacheError::Write { path: folder.to_owned(), source }),
         }
+    }
+
+    /// The cache in a folder, where doses that others compute are apart ([`Self::put`]): only this cache finds them, until
+    /// [`Self::adopt`]. They are removed with the last clone of the cache, and if the process is killed, they never count.
+    pub fn with_pending(folder: &Path) -> Result<Self, CacheError> {
+        let cache = Self::in_folder(folder)?;
+        match Pending::within(folder) {
+            Ok(pending) => Ok(Self { pending: Some(Arc::new(pending)), ..cache }),
+            Err(source) => Err(CacheError::Write { path: cache.folder, source }),
+        }
+    }
+
+    /// Makes the doses that others computed part of the folder: they are in no doubt any more.
+    ///
+    /// # Errors
+    /// A file cannot be moved.
+    pub fn adopt(&self) -> Result<(), CacheError> {
+        let Some(pending) = &self.pending else { return Ok(()) };
+        pending
+            .adopt(&self.folder)
+            .map_err(|source| CacheError::Write { path: pending.folder().to_owned(), source })
     }
 
     /// The dose of one beam: from the folder, or computed and put there.
@@ -108,10 +133,14 @@ impl DoseCache {
     pub fn missing(&self, engine: &DoseEngine, angles: &[impl Into<BeamAngles> + Copy]) -> Vec<BeamAngles> {
         let key = engine_key(engine);
         let angles = angles.iter().map(|angles| (*angles).into());
-        angles.filter(|angles| !self.place(&key, *angles).1.exists()).collect()
+        let is_there = |angles: &BeamAngles| {
+            let name = name(&beam_key(&key, *angles));
+            self.folder.join(&name).exists() || self.others().join(&name).exists()
+        };
+        angles.filter(|angles| !is_there(angles)).collect()
     }
 
-    /// Puts a dose into the folder that was computed elsewhere: the bytes of [`DoseEngine::beam_file`].
+    /// Puts a dose that was computed elsewhere where such doses go: the bytes of [`DoseEngine::beam_file`].
     ///
     /// # Errors
     /// The file cannot be written, or it is not the dose of this engine and angle.
@@ -121,7 +150,8 @@ impl DoseCache {
         angles: impl Into<BeamAngles>,
         bytes: &[u8],
     ) -> Result<(), CacheError> {
-        let (key, path) = self.place(&engine_key(engine), angles.into());
+        let key = beam_key(&engine_key(engine), angles.into());
+        let path = self.others().join(name(&key));
         stillpoint_map::publish_derived(&path, |file| std::io::Write::write_all(file, bytes))
             .map_err(|source| CacheError::Write { path: path.clone(), source })?;
         match BeamFile::open(&path, &key) {
@@ -134,15 +164,15 @@ impl DoseCache {
         }
     }
 
-    /// The file of a dose, whether it is there or not. Who removes it has the dose computed again when it is needed.
+    /// The file of a dose that was computed elsewhere, whether it is there or not. Who removes it has the dose computed again
+    /// when it is needed.
     pub fn file(&self, engine: &DoseEngine, angles: impl Into<BeamAngles>) -> PathBuf {
-        self.place(&engine_key(engine), angles.into()).1
+        self.others().join(name(&beam_key(&engine_key(engine), angles.into())))
     }
 
-    fn place(&self, engine_key: &Key, angles: BeamAngles) -> (Key, PathBuf) {
-        let key = beam_key(engine_key, angles);
-        let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
-        (key, self.folder.join(name + ".dose"))
+    /// Where doses go that others computed.
+    fn others(&self) -> &Path {
+        self.pending.as_ref().map_or(&self.folder, |pending| pending.folder())
     }
 
     fn beam_of(
@@ -151,12 +181,18 @@ impl DoseCache {
         engine_key: &Key,
         angles: BeamAngles,
     ) -> Result<CachedBeam, CacheError> {
-        let (key, path) = self.place(engine_key, angles);
+        let key = beam_key(engine_key, angles);
+        let path = self.folder.join(name(&key));
         let origin = match BeamFile::open(&path, &key) {
             Ok(beam) => return Ok(CachedBeam { beam, origin: Origin::Found }),
             Err(BeamFileError::File(fault)) if fault.kind() == ErrorKind::NotFound => Origin::Computed,
             Err(fault) => Origin::Replaced(fault),
         };
+        if self.pending.is_some()
+            && let Ok(beam) = BeamFile::open(&self.others().join(name(&key)), &key)
+        {
+            return Ok(CachedBeam { beam, origin: Origin::Found });
+        }
         match file::write(&path, &key, &engine.beam_rows(angles)?) {
             Ok(()) => {}
             Err(source) => return Err(CacheError::Write { path, source }),
@@ -166,6 +202,11 @@ impl DoseCache {
             Err(source) => Err(CacheError::Read { path, source }),
         }
     }
+}
+
+/// Name of the file of a dose.
+fn name(key: &Key) -> String {
+    key.iter().map(|byte| format!("{byte:02x}")).collect::<String>() + ".dose"
 }
 
 impl CachedBeam {

@@ -41,6 +41,7 @@ mod low_density;
 mod machine;
 mod name;
 mod outline;
+mod pending;
 mod portable;
 mod siddon;
 pub(crate) mod superposition;

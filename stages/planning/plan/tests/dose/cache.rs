@@ -121,3 +121,44 @@ fn a_folder_that_cannot_be_is_named() {
         "{fault}"
     );
 }
+
+#[test]
+fn doses_of_others_are_apart_until_they_are_adopted_and_go_with_the_cache_that_took_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let engine = engine();
+    let dose = engine.beam_file(40.0).unwrap();
+    let plain = DoseCache::in_folder(folder.path()).unwrap();
+    let is_missing = |cache: &DoseCache| !cache.missing(&engine, &[40.0]).is_empty();
+    for is_adopted in [false, true] {
+        let apart = DoseCache::with_pending(folder.path()).unwrap();
+        apart.put(&engine, 40.0, &dose).unwrap();
+        assert!(apart.file(&engine, 40.0).exists());
+        assert_eq!((is_missing(&apart), is_missing(&plain)), (false, true));
+        assert!(matches!(apart.beam(&engine, 40.0).unwrap().origin, Origin::Found));
+        // Another process at the same time has a folder of its own.
+        let second = DoseCache::with_pending(folder.path()).unwrap();
+        assert!(is_missing(&second));
+        if is_adopted {
+            apart.adopt().unwrap();
+        }
+        drop((apart, second));
+        assert_eq!(is_missing(&plain), !is_adopted);
+    }
+    assert!(matches!(plain.beam(&engine, 40.0).unwrap().origin, Origin::Found));
+}
+
+#[test]
+fn doses_of_a_process_that_was_killed_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let engine = engine();
+    let killed = DoseCache::with_pending(folder.path()).unwrap();
+    killed.put(&engine, 40.0, &engine.beam_file(40.0).unwrap()).unwrap();
+    let left = killed.file(&engine, 40.0);
+    let bytes = std::fs::read(&left).unwrap();
+    drop(killed);
+    std::fs::write(&left, bytes).unwrap();
+    assert!(!DoseCache::in_folder(folder.path()).unwrap().missing(&engine, &[40.0]).is_empty());
+    let next = DoseCache::with_pending(folder.path()).unwrap();
+    assert!(!left.exists());
+    assert!(!next.missing(&engine, &[40.0]).is_empty());
+}

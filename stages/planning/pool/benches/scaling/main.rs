@@ -14,7 +14,7 @@ use std::path::Path;
 
 use stillpoint_patient::case::read;
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, SearchOptions, choose};
-use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::dose::{BixelSpec, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::sampling::Sampling;
@@ -111,12 +111,13 @@ impl Setup {
     /// Doses and search on the pool, in a folder without doses: the best plan.
     fn plan(&self, pool: &mut Pool<Inside>, asked: &Asked) {
         let folder = tempfile::tempdir().unwrap();
-        let cache = DoseCache::in_folder(folder.path()).unwrap();
+        let mut made = PoolDoses::in_folder(folder.path()).unwrap();
         let engines = std::slice::from_ref(&self.engine);
         let beams: Vec<u16> = (0..self.ring.count()).collect();
         let angles: Vec<f64> = beams.iter().map(|beam| self.ring.angle_deg(*beam)).collect();
-        PoolDoses::default().fill(pool, &cache, engines, &angles, || ()).unwrap();
-        let doses = RingDoses::load(&cache, engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
+        made.fill(pool, engines, &angles, || ()).unwrap();
+        let doses =
+            RingDoses::load(made.cache(), engines, self.ring, &beams, NonZeroUsize::MIN, || ()).unwrap();
         let setup = PoolSetup::new(&doses, &self.goals, self.ring.count(), NonZeroUsize::MIN);
         let mut solver = PoolSolver::new(pool, &setup);
         let budget = Budget { solves: asked.budget };

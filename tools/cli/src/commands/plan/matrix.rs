@@ -55,11 +55,12 @@ impl Export {
         let request = Request::new(&self.args, &patient)?;
         let out = OutFolder::ready(&request.out)?;
         let record = self.args.pool_record.as_deref();
-        let mut pooled = self.args.pool.open()?.map(|pool| Pooled::new(pool, record)).transpose()?;
+        let mut pooled =
+            self.args.pool.open()?.map(|pool| Pooled::new(pool, &request.doses, record)).transpose()?;
         let prepared = loop {
             let prepared = Prepared::new(&request, pooled.as_mut())?;
             let Some(pooled) = &mut pooled else { break prepared };
-            let is_in_doubt = pooled.is_in_doubt();
+            let is_in_doubt = pooled.is_in_doubt()?;
             pooled.print_news();
             if !is_in_doubt {
                 pooled.write_record()?;

@@ -47,12 +47,12 @@ pub fn plan(
     let out = OutFolder::ready(&request.out)?;
     let began = Instant::now();
     let record = args.pool_record.as_deref();
-    let mut pooled = args.pool.open()?.map(|pool| Pooled::new(pool, record)).transpose()?;
+    let mut pooled = args.pool.open()?.map(|pool| Pooled::new(pool, &request.doses, record)).transpose()?;
     let Searched { request, prepared, runs, best, doses_s } = loop {
         let searched = searched(request, patient.weights.as_deref(), pooled.as_mut())?;
         let Some(pooled) = &mut pooled else { break searched };
         pooled.print_news();
-        if !pooled.is_in_doubt() {
+        if !pooled.is_in_doubt()? {
             if !searched.request.quiet {
                 pooled.print_notes(&searched.runs.0);
             }

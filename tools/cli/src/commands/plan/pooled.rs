@@ -10,6 +10,9 @@ use stillpoint_pool::{Pool, PoolDoses};
 use crate::exit::Failure;
 use crate::pool::print_shares;
 
+/// Leaves beyond which a set of beams is chosen with too little knowledge: docs/results/beams.md.
+const BEST_LEAVES: usize = 8;
+
 /// A pool, and the doses that it computed.
 pub struct Pooled {
     /// The pool.
@@ -20,14 +23,15 @@ pub struct Pooled {
 }
 
 impl Pooled {
-    /// Of this pool, whose calls go into a file if one is given. The file is made here: a plan that took an hour is not lost
+    /// Of this pool, with the folder of doses. Its calls go into a file if one is given. The file is made here: a plan that took an hour is not lost
     /// because it cannot be written.
-    pub fn new(mut pool: Pool<ChildCourier>, record: Option<&Path>) -> Result<Self, Failure> {
+    pub fn new(mut pool: Pool<ChildCourier>, doses: &Path, record: Option<&Path>) -> Result<Self, Failure> {
+        let made = PoolDoses::in_folder(doses).map_err(Failure::failed)?;
         if let Some(file) = record {
             write(file, "")?;
             pool.start_record();
         }
-        Ok(Self { pool, made: PoolDoses::default(), record: record.map(Path::to_owned) })
+        Ok(Self { pool, made, record: record.map(Path::to_owned) })
     }
 
     /// Writes the calls into their file, if there is one.
@@ -36,26 +40,29 @@ impl Pooled {
         write(file, &record.to_text())
     }
 
-    /// Computes the doses that the folder lacks. `on_dose` is called for each. Where the pool cannot be used, the doses
-    /// stay missing, and this process computes them.
+    /// Computes the doses that the folder lacks, and gives the cache that has them. `on_dose` is called for each. Where the pool
+    /// cannot be used, the doses stay missing, and this process computes them.
     pub fn fill(
         &mut self,
-        cache: &DoseCache,
         engines: &[DoseEngine],
         angles: &[BeamAngles],
         on_dose: impl FnMut(),
-    ) {
-        if let Err(reason) = self.made.fill(&mut self.pool, cache, engines, angles, on_dose) {
+    ) -> DoseCache {
+        if let Err(reason) = self.made.fill(&mut self.pool, engines, angles, on_dose) {
             errln!("pool: this process computes the doses that are missing: {reason}");
         }
+        self.made.cache().clone()
     }
 
-    /// Whether answers of a worker that was shut out are part of what was computed: then it must be computed again.
-    /// Their doses are removed from the folder.
-    pub fn is_in_doubt(&mut self) -> bool {
+    /// Whether answers of a worker that was shut out are part of what was computed: then it must be computed again, without
+    /// their doses. Doses in no doubt go into the folder.
+    pub fn is_in_doubt(&mut self) -> Result<bool, Failure> {
         let tainted = self.pool.take_tainted();
         self.made.remove(&tainted);
-        !tainted.is_empty()
+        if tainted.is_empty() {
+            self.made.adopt().map_err(Failure::failed)?;
+        }
+        Ok(!tainted.is_empty())
     }
 
     /// Tells on standard error what happened to workers.
@@ -73,7 +80,7 @@ impl Pooled {
         if slots > leaves && runs.iter().any(|run| run.name.looks_ahead()) {
             outln!(
                 "pool: the search had at most {leaves} leaves under way for {slots} slots of workers; `--leaves {}` uses \
-                 more of them, and the plan depends on it",
+                 more of them, but more than {BEST_LEAVES} find worse beams with as many solves",
                 slots.min(MOST_LEAVES)
             );
         }

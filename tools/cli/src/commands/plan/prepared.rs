@@ -30,11 +30,11 @@ impl Prepared {
         let setup = &request.setup;
         let beams = request.needed_beams();
         let bar = bar((beams.len() * setup.engines().len()) as u64, "doses", request.quiet);
-        let cache = DoseCache::in_folder(&request.doses).map_err(Failure::failed)?;
-        if let Some(pooled) = pooled {
-            pooled.fill(&cache, setup.engines(), &setup.angles(&beams), || bar.inc(1));
-            bar.set_position(0);
-        }
+        let cache = match pooled {
+            Some(pooled) => pooled.fill(setup.engines(), &setup.angles(&beams), || bar.inc(1)),
+            None => DoseCache::in_folder(&request.doses).map_err(Failure::failed)?,
+        };
+        bar.set_position(0);
         let doses = PlanDoses::load(setup, &cache, &beams, request.threads, || bar.inc(1));
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
