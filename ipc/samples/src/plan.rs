@@ -147,6 +147,8 @@ pub enum PlanRefusal {
     CheckHotter = 14,
     /// The plan check: a target loses much of its dose when shifted.
     CheckUncovered = 15,
+    /// The plan check: gantry and couch may collide.
+    CheckClosed = 16,
 }
 
 impl PlanRefusal {
@@ -169,6 +171,7 @@ impl PlanRefusal {
             Self::CheckUnits => "the plan check: too many monitor units",
             Self::CheckHotter => "the plan check: the patient gets much more dose when shifted",
             Self::CheckUncovered => "the plan check: a target loses much of its dose when shifted",
+            Self::CheckClosed => "the plan check: gantry and couch may collide",
         }
     }
 }

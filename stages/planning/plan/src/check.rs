@@ -100,6 +100,8 @@ pub struct CheckedDose {
 pub struct Check {
     /// Its beams.
     pub beams: Vec<CheckedBeam>,
+    /// Those of them at which gantry and couch may collide.
+    pub closed: Vec<BeamAngles>,
     /// Monitor units of a fraction; nothing where the fluence is not sequenced.
     pub monitor_units: Option<f64>,
     /// Highest prescription of a fraction, gray.
@@ -168,6 +170,11 @@ pub enum Fault {
         /// Allowed loss.
         most: f64,
     },
+    /// Gantry and couch may collide.
+    Closed {
+        /// The beams that are not in the free angles of the machine.
+        angles: Vec<BeamAngles>,
+    },
 }
 
 impl Display for Fault {
@@ -208,6 +215,15 @@ impl Display for Fault {
                 100.0 * planned,
                 100.0 * most
             ),
+            Self::Closed { angles } => {
+                let angles: Vec<String> = angles.iter().map(ToString::to_string).collect();
+                write!(
+                    f,
+                    "gantry and couch may collide at {}, which `free_angles` of the machine file does not have: give other \
+                     angles, or a machine file with the free angles of your machine",
+                    angles.join(", ")
+                )
+            }
         }
     }
 }
@@ -265,6 +281,9 @@ pub fn check(plan: &Check, bounds: &Bounds) -> Checked {
                 most: bounds.uncovered,
             });
         }
+    }
+    if !plan.closed.is_empty() {
+        faults.push(Fault::Closed { angles: plan.closed.clone() });
     }
     Checked { bounds: *bounds, values, faults }
 }
@@ -397,7 +416,10 @@ impl Check {
             let BeamFluence { angles, bixels_mm, weights } = beam.clone();
             checked.push(CheckedBeam { angles, bixels_mm, weights, delivered, outside });
         }
+        let free = machine.free_angles();
+        let is_closed = |angles: &BeamAngles| !free.iter().any(|range| range.holds(*angles));
         Ok(Self {
+            closed: checked.iter().map(|beam| beam.angles).filter(is_closed).collect(),
             beams: checked,
             monitor_units: plan.monitor_units,
             fraction_gy: highest_gy / f64::from(case.fractions().unwrap_or(1)),
@@ -440,6 +462,7 @@ mod tests {
         };
         Check {
             beams: vec![beam],
+            closed: Vec::new(),
             monitor_units: Some(600.0),
             fraction_gy: 2.0,
             planned: dose(0.0, 75.0, 0.97),
@@ -472,6 +495,8 @@ mod tests {
         );
         assert!(words(&|plan| plan.shifted[1].hottest_gy = 97.0).contains("moved by (-5, 0, 0) mm"));
         assert!(words(&|plan| plan.shifted[0].covered[0].1 = 0.6).contains("60.0 % of PTV"));
+        let closed = words(&|plan| plan.closed = vec![[90.0, 90.0].into(), 40.0.into()]);
+        assert!(closed.contains("may collide at 90@90, 40, which `free_angles`"), "{closed}");
     }
 
     /// A field of 9 by 9 bixels: the middle 5 by 5 of weight 10, a rim of weight 0.5.

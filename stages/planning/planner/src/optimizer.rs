@@ -500,6 +500,7 @@ fn refusal_of(fault: &Fault) -> PlanRefusal {
         Fault::Units { .. } => PlanRefusal::CheckUnits,
         Fault::Hotter { .. } => PlanRefusal::CheckHotter,
         Fault::Uncovered { .. } => PlanRefusal::CheckUncovered,
+        Fault::Closed { .. } => PlanRefusal::CheckClosed,
     }
 }
 

@@ -22,7 +22,7 @@ fn a_plan_of_this_program_has_its_own_dose_and_that_of_another_patient_is_refuse
     for seed in ["0", "1"] {
         run(folder, &["case", "phantom", "--seed", seed, "--out", "."]);
     }
-    let coarse = ["--angles", "20,140@-30,260", "--grid", "16mm", "--bixel", "5mm", "--dose-grid", "5mm"];
+    let coarse = ["--angles", "20,100@-30,260", "--grid", "16mm", "--bixel", "5mm", "--dose-grid", "5mm"];
     let more =
         ["--out", "plan", "--doses", "doses", "--engine", "pencil", "--accept-check", "coarse", "--json"];
     let planned: Value =

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::neck;
 use stillpoint_plan::check::{Checked, Fault};
+use stillpoint_plan::dose::{FreeRange, Machine, MachineFile};
 use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::evaluation::StructureDose;
 use stillpoint_plan::recipe::{Delivery, PlanEngine, PlanRequest, Planned, SetupSpec, plan};
@@ -72,4 +73,12 @@ fn no_bixel_carries_a_neck_its_targets_are_covered_and_a_spoilt_fluence_is_refus
     let found = check(&neighbour, None);
     assert!(found.values.outside > 0.1, "{:?}", found.values);
     assert!(matches!(found.faults[0], Fault::Outside { .. }), "{:?}", found.faults);
+    // On a machine whose couch is in the way from below, one beam is closed.
+    let mut planned = planned;
+    let free = FreeRange { couch_deg: [-5.0, 5.0], gantry_deg: [200.0, 100.0] };
+    let file = MachineFile { free_angles: Some(vec![free]), ..planned.setup.spec.machine.file().clone() };
+    planned.setup.spec.machine = Machine::new(file).unwrap();
+    let delivery = Delivery { planned: &good, delivered: &good, monitor_units: None, moved_mm: [0.0; 3] };
+    let found = planned.setup.check(&delivery, THREADS).unwrap();
+    assert_eq!(found.faults, [Fault::Closed { angles: vec![144.0.into()] }]);
 }
