@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use super::plan::dciodvfy_finds_no_error;
 use super::{stillpoint, text};
 
 fn run(folder: &Path, arguments: &[&str]) -> Vec<u8> {
@@ -80,6 +81,28 @@ fn arcs_are_a_folder_that_recalculate_reproduces_and_other_programs_refuse() {
     assert!(
         side_by_side.contains("arc 260..268cw, arc 268..260cc") && side_by_side.contains("delivery, min")
     );
+    dciodvfy_finds_no_error(&folder.join("a"));
+
+    // Static beams are as fast as the machine of the arcs with which they are compared.
+    let still = ["plan", "pelvis-0.case", "--angles", "0,180", "--out", "still", "--accept-check", "coarse"];
+    run(
+        folder,
+        &[&still[..], &["--grid", "16mm", "--bixel", "20mm", "--dose-grid", "5mm", "--engine", "pencil"]]
+            .concat(),
+    );
+    let mut slow: Value = serde_json::from_slice(&bytes("a", "plan.json")).unwrap();
+    slow["arcs"]["limits"]["mu_per_min"] = 60.into();
+    std::fs::create_dir(folder.join("slow")).unwrap();
+    std::fs::write(folder.join("slow/plan.json"), slow.to_string()).unwrap();
+    let seconds_beside = |arcs: &str| {
+        let found: Value =
+            serde_json::from_slice(&run(folder, &["plan", "compare", "still", arcs, "--json"])).unwrap();
+        let still = &found["plans"][0];
+        [&still["delivery_s"], &still["monitor_units"]].map(|number| number.as_f64().unwrap())
+    };
+    let ([fast_s, units], [slow_s, _]) = (seconds_beside("a"), seconds_beside("slow"));
+    assert!((slow_s - fast_s - 0.9 * units).abs() < 1e-6 * slow_s, "{fast_s} s, {slow_s} s, {units}");
+
     let refused = |arguments: &[&str], why: &str| {
         let out = stillpoint(folder, arguments);
         let message = text(&out.stderr);

@@ -659,7 +659,7 @@ fn pydicom_reads_the_exported_plan_and_dose() {
 /// dciodvfy of dicom3tools checks modules and attributes. Its version of 2022 ends on an assertion of its own for pixels of
 /// 32 bits, which an RTDOSE may have, so it gets a copy of the dose with 16 bits.
 /// Without the program there is nothing to check.
-fn dciodvfy_finds_no_error(folder: &Path) {
+pub fn dciodvfy_finds_no_error(folder: &Path) {
     let program = std::env::var("STILLPOINT_DCIODVFY").unwrap_or_else(|_| "dciodvfy".to_owned());
     let short = folder.join("rtdose-16-bits.dcm");
     with_16_bits(&folder.join("rtdose.dcm"), &short);

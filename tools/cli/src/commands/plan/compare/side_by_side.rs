@@ -63,8 +63,8 @@ impl<'a> SideBySide<'a> {
         }
         if self.plans.iter().any(|p| p.file.arcs.is_some()) {
             notes.push(
-                "Delivery is the time of monitor units, leaves and gantry. That of static beams is on the generic machine, and it has \
-                 nothing for the beam to go on and off, nor for a couch."
+                "Delivery is the time of monitor units, leaves and gantry, as fast as the machine of the arcs is. That of static beams \
+                 has nothing for the beam to go on and off, nor for a couch."
                     .to_owned(),
             );
         }
@@ -110,7 +110,7 @@ impl<'a> SideBySide<'a> {
             row("segments", &|p| of(p, &|l| l.segments.to_string()));
         }
         row("monitor units a fraction", &|p| number(units(p), 0));
-        let minutes = |p: &Compared| p.file.seconds(&ArcLimits::generic()).map(|seconds| seconds / 60.0);
+        let minutes = |p: &Compared| p.file.seconds(&self.limits_of_delivery()).map(|seconds| seconds / 60.0);
         row("delivery, min", &|p| number(minutes(p), 1));
         let fall_off = |p: &Compared| p.shown().fall_off;
         row("R50", &|p| number(fall_off(p).map(|f| f.r50), 2));
@@ -131,6 +131,13 @@ impl<'a> SideBySide<'a> {
             row("limits passed, failed", &|p| format!("{}, {}", count(p, true), count(p, false)));
         }
         rows
+    }
+
+    /// How fast the machine is on which the times of static beams are: that of the arcs, if there are some. Files of static beams
+    /// have no such limits.
+    fn limits_of_delivery(&self) -> ArcLimits {
+        let of_arcs = self.plans.iter().find_map(|plan| plan.file.arcs.as_ref());
+        of_arcs.map_or(ArcLimits::generic(), |arcs| arcs.limits)
     }
 
     /// Doses of which both plans tell the volume, gray.
@@ -181,7 +188,7 @@ impl<'a> SideBySide<'a> {
                 "engine": p.file.dose.engine,
                 "figures_of": if figures_of(p) == "planned fluence" { "fluence" } else { figures_of(p) },
                 "arcs": p.file.arcs.as_ref().map(|arcs| arcs.arcs.iter().map(|arc| &arc.arc).collect::<Vec<_>>()),
-                "delivery_s": p.file.seconds(&ArcLimits::generic()),
+                "delivery_s": p.file.seconds(&self.limits_of_delivery()),
                 "objective": p.file.objective,
                 "objective_of_segments": p.file.leaves.as_ref().map(|l| l.objective),
                 "segments": p.file.leaves.as_ref().map(|l| l.segments),
