@@ -402,7 +402,12 @@ fn machine(
     measured: &Measured,
 ) -> Result<Machine, FitError> {
     let mut file = start.file().clone();
-    file.provenance = format!("{} From: {}", provenance(measured), file.provenance);
+    // Whoever reads a plan of this machine sees it: nothing else tells its monitor units from calibrated ones.
+    let units = match calibration {
+        Some(_) => "",
+        None => " Its monitor units are of the start: no calibration was given.",
+    };
+    file.provenance = format!("{}{units} From: {}", provenance(measured), file.provenance);
     if let Some((energy_mv, _)) = measured.energy_mv {
         file.energy_mv = energy_mv;
     }

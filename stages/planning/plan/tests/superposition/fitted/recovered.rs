@@ -38,6 +38,7 @@ fn doses_of_another_spectrum_are_recovered_to_half_a_percent() {
         }
         let fitted = fitted_to(&text);
         assert_eq!((fitted.missed().count(), fitted.machine.file().pencils_of), (0, PencilsOf::Start));
+        assert!(fitted.machine.file().provenance.contains("no calibration was given"));
         // A field and a distance of the curves, and others.
         for (field, ssd) in [(40.0, 900.0), (60.0, 1000.0)] {
             let scan = |machine: &Machine| Tank::new(machine, field, ssd).depth_dose();
@@ -106,6 +107,7 @@ fn penumbra_fluence_and_calibration_are_recovered() {
     }
     // The section's scale is that of the fitted spectrum, so monitor units need not be 125, but the doses agree.
     let calibration = fitted.calibration.unwrap();
+    assert!(!fitted.machine.file().provenance.contains("no calibration"));
     assert_eq!(file.collimator.as_ref().unwrap().mu_per_weight, calibration.mu_per_weight);
     let ours = Tank::new(&fitted.machine, 100.0, 900.0).depth_dose()[33].1 / calibration.mu_per_weight;
     assert!((ours / (scan[33].1 / 125.0) - 1.0).abs() < 0.005, "{ours} Gy per monitor unit");
