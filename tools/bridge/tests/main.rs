@@ -8,6 +8,7 @@
 mod apart;
 mod bench;
 // A network and patients of the tests of games.
+mod command;
 #[path = "../../../stages/planning/network/tests/common/mod.rs"]
 mod common;
 mod cut;
