@@ -18,13 +18,13 @@ pub use pki::{Pki, PkiTask, RoleName};
 #[derive(Args, Clone, Debug)]
 pub struct TlsArgs {
     /// Certificate of this program, PEM. With it, endpoints are `tls/ADDRESS:PORT`.
-    #[arg(long, value_name = "FILE", requires_all = ["key", "authority"])]
+    #[arg(long, value_name = "FILE", requires_all = ["key", "authority"], env = "STILLPOINT_CERTIFICATE")]
     pub certificate: Option<PathBuf>,
     /// Key of the certificate, PEM; only its owner may read it.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
+    #[arg(long, value_name = "FILE", requires = "certificate", env = "STILLPOINT_KEY")]
     pub key: Option<PathBuf>,
     /// Certificate of the authority that signs all certificates, PEM.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
+    #[arg(long, value_name = "FILE", requires = "certificate", env = "STILLPOINT_AUTHORITY")]
     pub authority: Option<PathBuf>,
 }
 

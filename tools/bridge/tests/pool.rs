@@ -31,7 +31,12 @@ fn worker(folder: &Path, name: &str, place: [&str; 2], role: Role, more: &[&str]
     let cache = cache.to_str().unwrap();
     let mut command =
         program(&["worker", place[0], place[1], "--name", name, "--slots", "1", "--cache", cache]);
-    Ends(command.args(certificate(folder, role, name)).args(more).stdout(Stdio::null()).spawn().unwrap())
+    // As a scheduler gives it, in the environment; the client below has it in arguments.
+    let files = certificate(folder, role, name);
+    for (at, variable) in ["CERTIFICATE", "KEY", "AUTHORITY"].iter().enumerate() {
+        command.env(format!("STILLPOINT_{variable}"), &files[2 * at + 1]);
+    }
+    Ends(command.args(more).stdout(Stdio::null()).spawn().unwrap())
 }
 
 /// The arguments for a new certificate.

@@ -22,13 +22,16 @@ fn a_plan_of_this_program_has_its_own_dose_and_that_of_another_patient_is_refuse
     for seed in ["0", "1"] {
         run(folder, &["case", "phantom", "--seed", seed, "--out", "."]);
     }
-    let coarse = ["--angles", "20,100@-30,260", "--grid", "16mm", "--bixel", "5mm", "--dose-grid", "5mm"];
+    let coarse = ["--angles", "20,140@-30,260", "--grid", "16mm", "--bixel", "5mm", "--dose-grid", "5mm"];
     let more =
         ["--out", "plan", "--doses", "doses", "--engine", "pencil", "--accept-check", "coarse", "--json"];
     let planned: Value =
         serde_json::from_slice(&run(folder, &[&["plan", "pelvis-0.case"], &coarse[..], &more].concat()))
             .unwrap();
     assert_eq!(planned["beams"][1]["couch_deg"], -30.0);
+    // The foot end of the couch is there: exported only because a person accepts it.
+    let faults = planned["check"]["faults"].to_string();
+    assert!(faults.contains("gantry and couch may collide at 140@-30"), "{faults}");
     assert!(
         planned["beams"][0].get("couch_deg").is_none() && planned["leaves"]["beams"][1]["couch_deg"] == -30.0
     );

@@ -1,11 +1,15 @@
-//! 10,000 broken machine files: refused or used, never a panic. Broken dose files are tested beside their reader.
+//! Broken machine files, 10,000 in the long campaign: refused or used, never a panic. Broken dose files are tested beside
+//! their reader.
 
 use super::phantom::{Phantom, cube};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
-use stillpoint_plan::dose::{ArcLimits, Collimator, DoseParams, FreeRange, Machine, MachineFile, PencilsOf};
+use stillpoint_plan::dose::{
+    ArcLimits, Collimator, DoseParams, EngineName, FreeRange, Machine, MachineFile, PencilsOf, PointKernels,
+    Superposition,
+};
 
 fn small() -> MachineFile {
     MachineFile {
@@ -22,10 +26,30 @@ fn small() -> MachineFile {
         kernels_per_mm2: vec![vec![vec![1.0, 0.1, 0.0]; 2]; 3],
         hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
         collimator: Some(Collimator::generic()),
-        superposition: None,
+        superposition: Some(superposition()),
         free_angles: Some(vec![FreeRange { couch_deg: [-20.0, 20.0], gantry_deg: [300.0, 60.0] }]),
         arc: Some(ArcLimits::generic()),
         pencils_of: PencilsOf::Start,
+    }
+}
+
+fn superposition() -> Superposition {
+    let kernels = |depths_mm: Vec<f64>| PointKernels {
+        edges_deg: vec![0.0, 60.0, 180.0],
+        cones: vec![2, 3],
+        shell_mm: 10.0,
+        energy: vec![vec![vec![0.3, 0.1], vec![0.2, 0.1]]; depths_mm.len()],
+        depths_mm,
+    };
+    Superposition {
+        provenance: "a test".into(),
+        gray_per_mev_g: 30.0,
+        energy_mev: vec![1.0, 3.0],
+        photons: vec![0.6, 0.4],
+        attenuation_per_mm: vec![0.007, 0.004],
+        charged_share: vec![0.5, 0.7],
+        primary: kernels(vec![0.0, 250.0]),
+        scatter: kernels(vec![70.0]),
     }
 }
 
@@ -82,12 +106,14 @@ fn broken_machine_files_are_refused_or_give_a_dose() {
                     refused.set(refused.get() + 1);
                 }
                 Ok(machine) => {
-                    let params = DoseParams { cutoff_mm: 10.0, ..phantom.params() };
-                    let engine = phantom.engine_or_fault(machine, params);
-                    if let Ok(beam) = engine.and_then(|engine| engine.beam(45.0)) {
-                        prop_assert!(
-                            beam.dose.view().value.iter().all(|value| value.is_finite() && *value > 0.0)
-                        );
+                    for engine in EngineName::ALL {
+                        let params = DoseParams { cutoff_mm: 10.0, engine, ..phantom.params() };
+                        let engine = phantom.engine_or_fault(machine.clone(), params);
+                        if let Ok(beam) = engine.and_then(|engine| engine.beam(45.0)) {
+                            prop_assert!(
+                                beam.dose.view().value.iter().all(|value| value.is_finite() && *value > 0.0)
+                            );
+                        }
                     }
                     used.set(used.get() + 1);
                 }
