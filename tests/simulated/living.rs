@@ -62,6 +62,17 @@ fn off(errors: &[(f64, [f64; 3])], from: f64, to: f64) -> [f64; 3] {
     steps.fold([0.0; 3], |most, now| std::array::from_fn(|i| f64::max(most[i], (now[i] - before[i]).abs())))
 }
 
+/// Greatest deviation of the errors, at any time, from their mean in the breath before a time, s: with the breath.
+fn peak(errors: &[(f64, [f64; 3])], before: f64, from: f64, to: f64) -> [f64; 3] {
+    let of =
+        |from: f64, to: f64| errors.iter().filter(move |(at, _)| (from..to).contains(at)).map(|(_, e)| e);
+    let count = of(before - BREATH, before).count() as f64;
+    let mean: [f64; 3] =
+        std::array::from_fn(|i| of(before - BREATH, before).map(|e| e[i]).sum::<f64>() / count);
+    of(from, to)
+        .fold([0.0; 3], |most, now| std::array::from_fn(|i| f64::max(most[i], (now[i] - mean[i]).abs())))
+}
+
 /// Times in which actuation was in a state, s.
 fn times(run: &Run, state: ActuationState) -> Vec<f64> {
     let states = run.samples::<Actuation>("valves.state");
@@ -92,8 +103,9 @@ fn a_face_that_moves_costs_beam_at_most_and_vents_nothing() {
             .find(|g| seconds(g.header.stamp) >= to && g.first().unwrap().beam == 1)
             .map(|g| seconds(g.header.stamp) - to);
         let off = off(&errors, from, to + 2.0);
+        let (peak, quiet) = (peak(&errors, from, from, to + 2.0), peak(&errors, from, from - BREATH, from));
         eprintln!(
-            "{act:8} moves {}, unsure {}, doubted {}, tracked {}; beam {:.2}, back after {back:.2?} s; head off by {off:.2?}",
+            "{act:8} moves {}, unsure {}, doubted {}, tracked {}; beam {:.2}, back after {back:.2?} s; head off by {off:.2?}, at most {peak:.2?}, {quiet:.2?} in the breath before",
             status(PoseStatus::FaceMoves),
             status(PoseStatus::FaceUnsure),
             status(PoseStatus::Doubted),

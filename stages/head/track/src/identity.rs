@@ -46,7 +46,7 @@ const ASIDE_FACE: f64 = 2.0;
 const QUARTER: f64 = 0.35;
 /// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
 /// not to.
-const WITH: f64 = 0.5;
+const WITH: f64 = 0.85;
 const AGAINST: f64 = 0.05;
 /// Until then no piece may ever have moved against the rest by this part of the limit that holds later. On a surface from a
 /// CT pieces do so by its misfit when the head is brought to its set-up, and then nearly all are seen to move with it. A
@@ -310,7 +310,8 @@ impl Identity {
             return;
         }
         self.most = self.most.max(if self.has_face { moves.lasting } else { moves.most });
-        self.is_mixed |= moves.alike == Verdict::Against;
+        // Where a table of movements lies on the surface, fewer patches are judged, and the first frames are less sure.
+        self.is_mixed |= if self.has_face { moves.mixed } else { moves.alike == Verdict::Against };
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }

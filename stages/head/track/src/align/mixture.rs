@@ -104,6 +104,12 @@ impl Mixture {
         }
     }
 
+    /// Whether the patches surely do not move alike, in any later frame either. Where few patches are judged, a mask that moves
+    /// with its head has 0.3 in the first frames and 0.2 soon after, masks at rest have 0.6 and more.
+    pub fn is_mixed(&self) -> bool {
+        self.variance().is_some_and(|(variance, sd)| variance - SURE[1] * sd > LIMITS[0])
+    }
+
     /// The variance of the slopes, weighted by what each patch tells, and its standard deviation.
     fn variance(&self) -> Option<(f64, f64)> {
         let (mut own, mut all, mut noise, mut patches) = (0.0, 0.0, 0.0, 0);
@@ -151,6 +157,7 @@ mod tests {
         for noise in [0.1e-3, 0.5e-3] {
             assert_eq!(after(40, 0.0, noise).verdict(), Verdict::With, "{noise}");
             assert_eq!(after(40, 0.65, noise).verdict(), Verdict::Against, "{noise}");
+            assert!(after(40, 0.65, noise).is_mixed() && !after(40, 0.0, noise).is_mixed(), "{noise}");
         }
     }
 
@@ -161,6 +168,13 @@ mod tests {
         // Without a movement there is none beyond what noise feigns, however many frames there are.
         let (variance, sd) = after(60, 0.0, 0.5e-3).variance().unwrap_or_default();
         assert!(variance.abs() < 4.0 * sd, "{variance} {sd}");
+    }
+
+    #[test]
+    fn a_variance_between_the_limits_is_against_for_now_and_not_for_good() {
+        // A fifth of the points on what is at rest: 0.25.
+        let between = after(60, 0.2, 0.02e-3);
+        assert_eq!((between.verdict(), between.is_mixed()), (Verdict::Against, false));
     }
 
     #[test]

@@ -201,6 +201,8 @@ pub struct Moves {
     pub against: f64,
     /// Whether the patches of the surface move alike, wherever they are; `Open` once the question is settled.
     pub alike: Verdict,
+    /// Whether they surely do not, whatever later frames show.
+    pub mixed: bool,
     /// Whether the movable part of a face is elsewhere than at rest, seen from the skull.
     pub face: bool,
 }
@@ -318,12 +320,12 @@ impl Pieces {
         }
         let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
         let moved = |at: &Vector3<f64>| (since * Point3::from(*at)).coords - at;
-        let mut alike = Verdict::Open;
+        let (mut alike, mut mixed) = (Verdict::Open, false);
         if face {
             mixture.skip();
         } else if *is_open {
             mixture.end(surface.patches().iter().map(|p| moved(&p.position).dot(&p.normal)));
-            alike = mixture.verdict();
+            (alike, mixed) = (mixture.verdict(), mixture.is_mixed());
         }
         let whole = Part::sum(cells.iter());
         let (mut most, mut skin, mut lasting): (f64, f64, f64) = (0.0, 0.0, 0.0);
@@ -381,6 +383,6 @@ impl Pieces {
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, skin, lasting, with: share(with), against: share(against), alike, face }
+        Moves { most, skin, lasting, with: share(with), against: share(against), alike, mixed, face }
     }
 }

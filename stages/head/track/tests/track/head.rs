@@ -39,6 +39,12 @@ pub fn bench(change: impl Fn(&str) -> String) -> Bench {
     bench_with(&change(TEXT), &MemoryFiles::default()).unwrap()
 }
 
+/// A bench whose couch has the axes of the head, so that the parts of its face are found: `bench` turns the head by more
+/// than any on a couch, and takes all of it for rigid.
+pub fn lying(change: impl Fn(&str) -> String) -> Bench {
+    bench(|text| change(&text.replace("[0 deg, 0 deg, 90 deg]", "[180 deg, 0 deg, 0 deg]")))
+}
+
 #[test]
 fn a_tracker_has_the_operators_defaults() {
     let registry = Registry::new(&[stillpoint_testing::feed::STAGES, &stages()]);

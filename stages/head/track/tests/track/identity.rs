@@ -1,5 +1,5 @@
 //! `track.head` on a bench: whether what is followed is what was captured, whether its parts were seen to move together,
-//! and who confirmed it.
+//! and who confirmed it. The benches take all of the head for rigid; `on_faces` tests heads whose faces were found.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use stillpoint_rig::head::Head;
@@ -16,7 +16,7 @@ use crate::shapes::{camera_from_body, head, seen, sphere};
 const MS: u64 = 1_000_000;
 
 /// The rig's head with a fist on its chin, which was shifted by so much.
-fn with_fist(camera_from_head: &Isometry3<f64>, shift: Vector3<f64>) -> Vec<Vector3<f64>> {
+pub fn with_fist(camera_from_head: &Isometry3<f64>, shift: Vector3<f64>) -> Vec<Vector3<f64>> {
     let head = Head::new(1.0).unwrap();
     let fist = Point3::new(0.0, -0.075, 0.085) + shift;
     seen(camera_from_head, |origin, direction| {
@@ -30,7 +30,7 @@ fn with_fist(camera_from_head: &Isometry3<f64>, shift: Vector3<f64>) -> Vec<Vect
 }
 
 /// A perforated mask 2 mm over the rig's head at rest, with the head in it or without.
-fn masked(
+pub fn masked(
     camera_from_head: &Isometry3<f64>,
     mask_from_head: &Isometry3<f64>,
     is_there: bool,

@@ -11,6 +11,7 @@ mod drawn_motion;
 mod head;
 mod identity;
 mod living;
+mod on_faces;
 mod planned;
 mod rendered;
 #[path = "../../../segment/tests/scene.rs"]
