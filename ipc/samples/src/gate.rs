@@ -53,6 +53,8 @@ bits! {
         DRIFT = 1 << 19, "drift";
         /// The beam that is delivered next is planned at another couch angle than that of the session.
         COUCH = 1 << 20, "couch";
+        /// A camera is left out of the merged cloud while the tracker has no pose, doubts it or has no proof.
+        CAMERA = 1 << 21, "camera";
     }
 }
 

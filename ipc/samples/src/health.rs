@@ -40,6 +40,11 @@ impl SensorHealth {
         text(&self.reason)
     }
 
+    /// Whether the sensor takes part in the estimate.
+    pub fn is_used(&self) -> bool {
+        self.reason() == "used"
+    }
+
     /// Text as a field holds it, cut at 16 bytes.
     pub fn field(text: &str) -> [u8; 16] {
         let mut bytes = [0; 16];

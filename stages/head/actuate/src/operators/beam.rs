@@ -5,9 +5,9 @@ use stillpoint_operator::{
     AdoptError, FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_samples::{
-    Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
-    PlanRequest, PlanUpdate, PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement,
-    Track,
+    Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Health,
+    Metric, PlanRequest, PlanUpdate, PoseReport, PoseReportElement, PoseStatus, Proof, Sample, SensorHealth,
+    Target, TargetElement, Track,
 };
 
 use super::limits::Limits;
@@ -29,6 +29,7 @@ const ACTUATION: usize = 2;
 const REPORT: usize = 3;
 const PLAN: usize = 4;
 const PLAN_REQUEST: usize = 5;
+const CAMERAS: usize = 6;
 const DATAGRAM: usize = 0;
 const GATE: usize = 1;
 const DIAGNOSTICS: usize = 2;
@@ -141,6 +142,8 @@ pub struct GateBeam {
     is_at_couch: bool,
     /// What is known of the standing plan; `None` where no plan is connected.
     plan: Option<PlanWatch>,
+    /// The cameras that were left out of the newest merged cloud.
+    lost: [Option<SensorHealth>; CAMERAS_MOST],
     lease: Lease,
     sender: Sender,
     metrics: [Metric; METRICS],
@@ -149,6 +152,10 @@ pub struct GateBeam {
 }
 
 const METRICS: usize = 9;
+/// Cameras of a merged cloud.
+const CAMERAS_MOST: usize = 4;
+/// What a tracker lacks that a lost camera may be the cause of.
+const BY_CAMERA: u32 = Reason::TRACKER | Reason::IDENTITY | Reason::UNPROVEN;
 
 impl Operator for GateBeam {
     type Params = BeamParams;
@@ -199,6 +206,13 @@ impl Operator for GateBeam {
                 policy: Policy::Queue(4),
                 required: false,
                 about: "Requests for plans, as `plan.optimizer` gets them: an unanswered request ends the lease. Required with `plan`.",
+            },
+            Input {
+                name: "cameras",
+                sample: Health::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "Which cameras the merged cloud is of, from `ingest.merge`: while one is left out and the tracker has no pose or no proof, the reasons name it, and the log says which and why. It never ends a lease alone.",
             },
         ],
         outputs: &[
@@ -267,6 +281,7 @@ impl Operator for GateBeam {
             couch: params.couch,
             is_at_couch: couch::is_same(params.couch, params.beam_couch),
             plan: plan.then(PlanWatch::default),
+            lost: [None; CAMERAS_MOST],
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
             metrics: [
@@ -318,10 +333,7 @@ impl Operator for GateBeam {
         if self.logged.replace(is_on) != Some(is_on) {
             match is_on {
                 true => tracing::info!("the beam may be on"),
-                false => tracing::info!(
-                    "the beam is off: {}",
-                    Reason::words(against).collect::<Vec<_>>().join(", ")
-                ),
+                false => tracing::info!("the beam is off: {}", self.words(against)),
             }
         }
         let order = if is_on { Order::Follow } else { Order::Hold };
@@ -359,6 +371,11 @@ impl GateBeam {
             self.report = Some((self.reported(report), sample.header.origin.min(now)));
             self.reference = report.reference;
         }
+        if let Some(cameras) = activation.fresh::<Health>(CAMERAS) {
+            self.lost = [None; CAMERAS_MOST];
+            let lost = cameras.elements.iter().filter(|camera| !camera.is_used());
+            self.lost.iter_mut().zip(lost).for_each(|(slot, camera)| *slot = Some(*camera));
+        }
         let Some(plan) = &mut self.plan else { return };
         if let Some(sample) = activation.fresh::<PlanRequest>(PLAN_REQUEST) {
             plan.ask(sample.header.incarnation, sample.header.sequence);
@@ -366,6 +383,17 @@ impl GateBeam {
         if let Some(sample) = activation.fresh::<PlanUpdate>(PLAN) {
             plan.answer(sample.body);
         }
+    }
+
+    /// The reasons against the beam for people, with the cameras that are left out.
+    fn words(&self, against: u32) -> String {
+        let mut words = Reason::words(against).collect::<Vec<_>>().join(", ");
+        if against & Reason::CAMERA != 0 {
+            let lost = self.lost.iter().flatten();
+            let lost: Vec<_> = lost.map(|c| format!("{} is {}", c.name(), c.reason())).collect();
+            words = format!("{words} ({})", lost.join(", "));
+        }
+        words
     }
 
     /// What a report of the tracker says against the beam.
@@ -413,12 +441,14 @@ impl GateBeam {
             Some((reported, origin)) => reported | bit(is_old(origin, self.stale), Reason::TRACKER),
             None => Reason::TRACKER,
         };
+        let camera = bit(tracker & BY_CAMERA != 0 && self.lost[0].is_some(), Reason::CAMERA);
         bit(self.target.is_some_and(|(_, stamp)| is_old(stamp, self.target_timeout)), Reason::TARGET_STALE)
             | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC)
             | bit(!armed, Reason::ACTUATION)
             | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
             | bit(!self.is_at_couch, Reason::COUCH)
             | tracker
+            | camera
             | bit(self.plan.as_ref().is_some_and(|plan| !plan.holds()), Reason::PLAN)
     }
 

@@ -4,8 +4,8 @@ use stillpoint_actuate::pose_watch::PoseWatch;
 use stillpoint_actuate::{Order, decode};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason as Reason, ActuationState as State, ConsoleCommand,
-    Datagram, Duties, DutiesElement, DutyReason, Gate, GateElement, PoseReport, RigState, RigStateElement,
-    Target, Track, TrackElement, Verb,
+    Datagram, Duties, DutiesElement, DutyReason, Gate, GateElement, PoseReport, PoseReportElement, RigState,
+    RigStateElement, Target, Track, TrackElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -360,6 +360,33 @@ fn a_beam_at_another_couch_angle_than_the_session_has_no_lease_and_says_why() {
         let why = at(wrong).err().unwrap();
         assert!(why.contains("couch"), "{wrong}: {why}");
     }
+}
+
+#[test]
+fn a_camera_that_is_left_out_is_named_while_the_tracker_has_no_proof_and_never_ends_a_lease_alone() {
+    use stillpoint_samples::{GateReason, Health, Proof, SensorHealth};
+    let cameras = |reasons: [&str; 2]| {
+        let camera = |reason| SensorHealth {
+            reason: SensorHealth::field(reason),
+            name: SensorHealth::field("second"),
+            ..SensorHealth::new_zeroed()
+        };
+        reasons.map(camera)
+    };
+    let (mut on, ms) = beaming();
+    on.at((ms + 1) * MS).feed::<Health>(6, &(), &cameras(["used", "blocked"]), 0);
+    let next = ms.next_multiple_of(10) + 10;
+    assert_eq!(feed_gate(&mut on, next), 1);
+    let mut unproven = |ms: u64, reasons: [&str; 2]| {
+        on.at(ms * MS).feed::<Health>(6, &(), &cameras(reasons), 0);
+        let report = PoseReportElement { proof: Proof::Waiting as u32, ..report(1) };
+        let left = on.at((ms + 1) * MS).feed::<PoseReport>(3, &(), &[report], 0);
+        let gate = gate(&left);
+        (gate.beam, gate.reasons)
+    };
+    let (alone, with) = (GateReason::UNPROVEN, GateReason::UNPROVEN | GateReason::CAMERA);
+    assert_eq!(unproven(next + 3, ["used", "blocked"]), (0, with));
+    assert_eq!(unproven(next + 6, ["used", "used"]), (0, alone));
 }
 
 #[test]

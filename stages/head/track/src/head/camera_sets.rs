@@ -4,8 +4,6 @@ use stillpoint_samples::SensorHealth;
 
 /// Frames that are remembered: the cameras of a frame arrive before its face, and perhaps those of a later one.
 const FRAMES: usize = 8;
-/// The word for a camera that takes part.
-const USED: &str = "used";
 
 /// The cameras of the newest frames, a bit each in the order in which the health of the frame lists them.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,7 +16,7 @@ pub struct CameraSets {
 impl CameraSets {
     /// Notes the cameras of the frame that was acquired at `time`, ns.
     pub fn note(&mut self, time: u64, cameras: &[SensorHealth]) {
-        let bit = |(place, camera): (usize, &SensorHealth)| u32::from(camera.reason() == USED) << place;
+        let bit = |(place, camera): (usize, &SensorHealth)| u32::from(camera.is_used()) << place;
         self.frames[self.next] = (time, cameras.iter().take(32).enumerate().map(bit).sum());
         self.next = (self.next + 1) % FRAMES;
     }
