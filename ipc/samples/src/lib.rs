@@ -78,7 +78,7 @@ pub use plan::{
 pub use plane::{Plane, PlaneElement};
 pub use pool::{LONGEST_POOL_MESSAGE, PoolMessage, PoolMessageBody, PoolWord};
 pub use pose::{Pose, PoseElement};
-pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
+pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof, Unproven};
 pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
 pub use setting::{Setting, SettingAnswer, SettingAnswerElement, SettingElement, filled};

@@ -68,6 +68,26 @@ pub enum Proof {
     Failed = 2,
 }
 
+/// Why the parts of a reference are not known to move together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
+#[repr(u32)]
+pub enum Unproven {
+    /// They are, or no frame was judged yet.
+    None = 0,
+    /// The head has moved too little, or was seen too coarsely, for enough pieces to be decided.
+    TooLittleMotion = 1,
+    /// A piece of the reference moves against the rest of it: a hand, a blanket, a shoulder.
+    PieceApart = 2,
+    /// Neighbouring patches do not move alike: a mask that is at rest lies over the head.
+    Mixed = 3,
+    /// The face moves by itself, and such frames prove nothing.
+    FaceMoves = 4,
+    /// The frames are doubted: they may not show what was captured.
+    Doubted = 5,
+    /// The frame is of other cameras than those with which the head was proven.
+    OtherCameras = 6,
+}
+
 /// The fields of a [`PoseReport`]. What is not known is NaN.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
 #[repr(C)]
@@ -130,6 +150,13 @@ pub struct PoseReportElement {
     /// A [`Proof`] as its number.
     #[codes(Proof)]
     pub proof: u32,
+    /// Why it is not proven, an [`Unproven`] as its number: of the newest frame that was judged, or what failed the proof.
+    #[codes(Unproven)]
+    pub unproven: u32,
+    /// 1 where the parts of a face were found on the reference, else 0: then all of it is taken for rigid, and a smile lets go
+    /// of the head.
+    #[codes(YesNo)]
+    pub face: u32,
 }
 
 impl Sample for PoseReport {

@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
 use stillpoint_report::proposal::{PictureError, image, picture};
+use stillpoint_report::unproven::cause;
 use stillpoint_samples::{
-    AlignedBytes, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection, Sample,
-    SampleKind, Verb,
+    AlignedBytes, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Proof, Rejection,
+    Sample, SampleKind, Verb,
 };
 
 use crate::answer::{LOOK, answering};
@@ -25,6 +26,10 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const CAPTURE: Duration = Duration::from_secs(4);
 /// Frames that are kept until the tracker has reported on them.
 const RETAINED: usize = 8;
+
+/// What a person reads of a reference whose face has no parts.
+const NO_FACE: &str = "  no face was found on it, or `soft_tissue` is `ignored`: all of it is taken for rigid, and a smile \
+                       lets go of the head";
 
 /// Watches a tracker from before a person captures.
 pub struct Proposal {
@@ -163,7 +168,8 @@ impl Proposal {
         let Some(before) = self.before else { return Ok(None) };
         self.last = Some(report);
         if verb == Verb::Confirm {
-            let message = || Outcome::done(format!("reference {} is confirmed", report.reference));
+            let message =
+                || Outcome::done(format!("reference {} is confirmed; {}", report.reference, proof(&report)));
             return Ok((report.confirmed == 1).then(message));
         }
         let status = PoseStatus::from_number(report.status);
@@ -227,6 +233,9 @@ impl Proposal {
     fn proposed(&self, report: &PoseReportElement, origin: u64) -> String {
         let mut lines = vec![format!("proposed as reference {}: {}", report.reference, self.size(origin))];
         lines.extend(numbers(report).map(|line| format!("  {line}")));
+        if report.face == 0 {
+            lines.push(NO_FACE.to_owned());
+        }
         lines.push(match self.write_picture(report, origin) {
             Ok(Some(path)) => format!("  picture: {}", path.display()),
             Ok(None) => "  no picture: the tracker's faces do not come from images of a camera".into(),
@@ -339,6 +348,16 @@ fn of(retained: &VecDeque<(u64, AlignedBytes)>, origin: u64) -> Option<&AlignedB
 
 fn silent() -> String {
     format!("no answer: the tracker reported on no frame within {} s", PATIENCE.as_secs())
+}
+
+/// Whether the reference is proven, and else why not.
+fn proof(report: &PoseReportElement) -> String {
+    let because = cause(report.unproven).map_or_else(String::new, |cause| format!(": {cause}"));
+    match Proof::from_number(report.proof) {
+        Some(Proof::Proven) => "it is proven".to_owned(),
+        Some(Proof::Failed) => format!("its proof failed{because}; capture it again"),
+        _ => format!("it is not proven yet{because}"),
+    }
 }
 
 fn numbers(report: &PoseReportElement) -> impl Iterator<Item = String> {

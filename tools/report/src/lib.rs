@@ -59,6 +59,7 @@ mod thinned;
 pub mod trace;
 pub mod unanswered;
 pub mod uncaptured;
+pub mod unproven;
 mod views;
 mod wiring;
 

@@ -101,6 +101,9 @@ pub struct Alignments {
     pub fits: Thinned<Fit>,
     /// Frames whose identity was checked.
     pub sure: Thinned<Sure>,
+    /// Why the newest reference is not proven, a code; and how many captures found no face on the reference.
+    pub unproven: u32,
+    pub without_a_face: u64,
     /// Number of the newest reference, and when, ns, there was another one than before.
     pub reference: (u32, Vec<u64>),
 }
@@ -298,6 +301,9 @@ impl Alignments {
             changes.push(origin);
         }
         *newest = report.reference;
+        self.unproven = report.unproven;
+        let is_captured = report.status == PoseStatus::Captured as u32;
+        self.without_a_face += u64::from(is_captured && report.face == 0);
         if report.confidence.is_finite() {
             self.sure.push(Sure {
                 origin,

@@ -189,7 +189,7 @@ fn held() -> Value {
         "estimate": pose, "target": pose,
         "beam": { "type": "boolean" }, "beam_reasons": words,
         "valves": word, "valves_reasons": words, "valves_fault": words,
-        "tracker": word, "proof": word, "confidence": number,
+        "tracker": word, "proof": word, "unproven": word, "confidence": number,
     } })
 }
 

@@ -2,7 +2,7 @@
 //! of the surface; and whether the parts were seen to move together since the capture.
 
 use nalgebra::{Isometry3, Vector3};
-use stillpoint_samples::{IdentityPart, Proof};
+use stillpoint_samples::{IdentityPart, Proof, Unproven};
 
 use crate::align::{Agreement, Alignment, Known, PartAxes, Pieces, Verdict, agreement};
 use crate::surface::Surface;
@@ -59,6 +59,8 @@ const NEARLY_ALL: f64 = 0.95;
 const FIRST: u32 = 4;
 /// How long the parts have after the capture to be seen to move together, ns.
 const PROOF_TIME: u64 = 10_000_000_000;
+/// Causes for which there is no proof.
+const CAUSES: usize = Unproven::ALL.len();
 
 /// A frame that has a pose.
 #[derive(Debug, Clone, Copy)]
@@ -154,6 +156,9 @@ pub struct Identity {
     since: Option<u64>,
     proof: Proof,
     moved: f64,
+    /// Why there is no proof, of the newest frame that was judged; and how many frames had each cause.
+    why: Unproven,
+    causes: [u32; CAUSES],
     /// Largest movement of a piece against the rest since the capture, over its limit.
     most: f64,
     /// Whether the patches were once seen not to move alike: a mask over a face.
@@ -188,6 +193,8 @@ impl Identity {
             since: None,
             proof: Proof::Waiting,
             moved: 0.0,
+            why: Unproven::None,
+            causes: [0; CAUSES],
             most: 0.0,
             is_mixed: false,
             densities: [Density::default(); CAMERA_SETS],
@@ -307,18 +314,28 @@ impl Identity {
         self.since.get_or_insert(time);
         let moves = &judged.agreement.moves;
         if judged.faces {
+            self.note(Unproven::FaceMoves);
             return;
         }
         self.most = self.most.max(if self.has_face { moves.lasting } else { moves.most });
         // Where a table of movements lies on the surface, fewer patches are judged, and the first frames are less sure.
         self.is_mixed |= if self.has_face { moves.mixed } else { moves.alike == Verdict::Against };
-        if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
-            return;
-        }
         let by_misfit = self.is_planned && moves.with >= NEARLY_ALL;
         let limit = if self.has_face { MOVED_FOR_LONG } else { MOVED_BEFORE };
         let has_moved = self.most > limit && !by_misfit;
-        let is_apart = moves.against > AGAINST || has_moved || self.is_mixed || moves.alike != Verdict::With;
+        let has_apart = moves.against > AGAINST || has_moved;
+        let is_doubted = judged.confidence() < ENOUGH;
+        self.note(match () {
+            () if is_doubted && judged.explained => Unproven::FaceMoves,
+            () if self.is_mixed || moves.alike == Verdict::Against => Unproven::Mixed,
+            () if has_apart => Unproven::PieceApart,
+            () if is_doubted => Unproven::Doubted,
+            () => Unproven::TooLittleMotion,
+        });
+        if is_doubted || self.proof != Proof::Waiting {
+            return;
+        }
+        let is_apart = has_apart || self.is_mixed || moves.alike != Verdict::With;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;
@@ -326,10 +343,28 @@ impl Identity {
         }
     }
 
+    /// Notes why a frame is no proof, while there is none.
+    fn note(&mut self, why: Unproven) {
+        if self.proof == Proof::Waiting {
+            self.why = why;
+            self.causes[why as usize] += 1;
+        }
+    }
+
+    /// Why the proof failed: what bars it for good, or the cause of most frames.
+    fn failed_by(&self) -> Unproven {
+        if matches!(self.why, Unproven::Mixed | Unproven::PieceApart) {
+            return self.why;
+        }
+        let causes = Unproven::ALL.iter().map(|(_, cause)| *cause);
+        causes.max_by_key(|cause| self.causes[*cause as usize]).unwrap_or(Unproven::None)
+    }
+
     /// Notes that it is `time`, ns, whatever the frame shows: the time for the proof may be over.
     pub fn pass(&mut self, time: u64) {
         let is_over = self.since.is_some_and(|since| time.saturating_sub(since) > PROOF_TIME);
         if self.proof == Proof::Waiting && is_over {
+            self.why = self.failed_by();
             self.proof = Proof::Failed;
             self.pieces.settle();
         }
@@ -347,6 +382,16 @@ impl Identity {
         match self.proof {
             Proof::Proven if !self.is_of_proven => Proof::Waiting,
             proof => proof,
+        }
+    }
+
+    /// Why there is no proof: of the newest frame that was judged, or what failed the proof.
+    #[must_use]
+    pub fn unproven(&self) -> Unproven {
+        match self.proof {
+            Proof::Proven if self.is_of_proven => Unproven::None,
+            Proof::Proven => Unproven::OtherCameras,
+            _ => self.why,
         }
     }
 

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use stillpoint_pipeline::live::log::{Level as Grave, LogLine};
 use stillpoint_pose::{PoseNumbers, orientation};
-use stillpoint_samples::{ActuationReason, ActuationState, GateReason, PoseStatus, Proof};
+use stillpoint_samples::{ActuationReason, ActuationState, GateReason, PoseStatus, Proof, Unproven};
 use stillpoint_viewer::{Level, Place, Shown, Topic};
 
 use super::picture::Drawn;
@@ -105,6 +105,7 @@ fn held(row: &Row) -> Value {
         "valves_reasons": ActuationReason::words(row.valves_reasons).collect::<Vec<_>>(),
         "valves_fault": ActuationReason::words(row.fault).collect::<Vec<_>>(),
         "tracker": row.tracker.and_then(PoseStatus::from_number).map(PoseStatus::word),
+        "unproven": row.unproven.filter(|u| *u != 0).and_then(Unproven::from_number).map(Unproven::word),
         "proof": row.proof.and_then(Proof::from_number).map(Proof::word),
         "confidence": row.confidence,
     })
@@ -143,6 +144,7 @@ mod tests {
             fault: 0,
             tracker: None,
             proof: Some(Proof::Proven as u32),
+            unproven: Some(0),
             confidence: f64::NAN,
         }
     }

@@ -33,6 +33,8 @@ pub struct Row {
     pub tracker: Option<u32>,
     /// Whether the parts of the reference were seen to move together.
     pub proof: Option<u32>,
+    /// Why they were not.
+    pub unproven: Option<u32>,
     /// How sure the tracker is that it follows what was captured, 0 to 1.
     pub confidence: f64,
 }
@@ -122,6 +124,7 @@ impl Rows {
             fault: 0,
             tracker: self.report.map(|r| r.status),
             proof: self.report.map(|r| r.proof),
+            unproven: self.report.map(|r| r.unproven),
             confidence: self.report.map_or(f64::NAN, |r| r.confidence),
         };
         if let Some(track) = &self.track {

@@ -6,7 +6,7 @@ use stillpoint_pipeline::console::KIND_NAME;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_samples::{
     Actuation, ActuationReason, ActuationState, Gate, GateReason, PointCloud, PoseReport, PoseStatus, Proof,
-    Sample, SampleKind, SurfacePieces, Target, Track, Verb,
+    Sample, SampleKind, SurfacePieces, Target, Track, Unproven, Verb,
 };
 
 use stillpoint_pose::{of_frame, orientation};
@@ -110,6 +110,7 @@ impl Scene {
                 "valves": ActuationReason::ALL,
                 "states": ActuationState::ALL.iter().map(|(word, s)| (*word, *s as u32)).collect::<Vec<_>>(),
                 "tracker": PoseStatus::ALL.iter().map(|(word, s)| (*word, *s as u32)).collect::<Vec<_>>(),
+                "unproven": Unproven::ALL.iter().map(|(word, s)| (*word, *s as u32)).collect::<Vec<_>>(),
                 "proof": Proof::ALL.iter().map(|(word, s)| (*word, *s as u32)).collect::<Vec<_>>(),
             },
         })

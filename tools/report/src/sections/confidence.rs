@@ -15,6 +15,7 @@ use crate::recording::{Alignments, Recording};
 use crate::rows::Sure;
 use crate::source::Source;
 use crate::statistics::for_a_line;
+use crate::unproven::cause;
 
 /// Below it a frame has no pose.
 const ENOUGH: f64 = 0.5;
@@ -39,6 +40,10 @@ struct Tracker {
     parts: Vec<(&'static str, Range)>,
     /// When, after the capture, the head was seen to move with all its parts, s; none where it was not.
     proven_s: Option<f64>,
+    /// Why the last reference was not proven at the end, a code; 0 where it was.
+    unproven: u32,
+    /// Captures on which no face was found: all of the reference was taken for rigid.
+    without_a_face: u64,
 }
 
 #[derive(Serialize)]
@@ -101,13 +106,28 @@ fn sentence(t: &Tracker) -> String {
             "the head was seen to move with all its parts {} s after the first judged frame",
             fixed(Some(s), 1)
         ),
-        None => "the head was not seen to move with all its parts, so the gate stayed shut".into(),
+        None => match cause(t.unproven) {
+            Some(cause) => format!("the reference was not proven, so the gate stayed shut: {cause}"),
+            None => "the head was not seen to move with all its parts, so the gate stayed shut".into(),
+        },
+    };
+    let rigid = match t.without_a_face {
+        0 => String::new(),
+        n => format!(
+            " No face was found on {} of the captured references, or `soft_tissue` is `ignored`: all of it was taken for rigid, and a smile lets go of the head.",
+            count(n)
+        ),
     };
     let refused = match t.captures_refused {
         0 => String::new(),
         n => format!(" {} faces were refused as a reference.", count(n)),
     };
-    format!("{}: {} of {} frames were doubted; {proof}.{refused}", t.topic, count(t.doubted), count(t.judged))
+    format!(
+        "{}: {} of {} frames were doubted; {proof}.{refused}{rigid}",
+        t.topic,
+        count(t.doubted),
+        count(t.judged)
+    )
 }
 
 fn tracker(a: &Alignments) -> Tracker {
@@ -124,6 +144,8 @@ fn tracker(a: &Alignments) -> Tracker {
             .iter()
             .map(|(name, part)| (*name, range(sure.iter().map(|s| s.certainty[*part as usize]))))
             .collect(),
+        unproven: a.unproven,
+        without_a_face: a.without_a_face,
         proven_s: first.zip(proven).map(|(first, proven)| proven.saturating_sub(first) as f64 * 1e-9),
     }
 }
@@ -174,6 +196,9 @@ fn without_numbers(reason: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use stillpoint_samples::{PoseReportElement, Proof, Unproven};
+    use zerocopy::FromZeros;
+
     use super::*;
 
     #[test]
@@ -196,6 +221,23 @@ mod tests {
             (Some(0.4), Some(0.8), 1)
         );
         assert_eq!((found.parts[0].1.below, found.parts[1].1.below), (1, 0));
+    }
+
+    #[test]
+    fn the_cause_of_a_missing_proof_and_a_missing_face_are_in_the_sentence() {
+        let mut a = Alignments { topic: "head.report".into(), ..Alignments::default() };
+        let report = PoseReportElement {
+            status: PoseStatus::Captured as u32,
+            reference: 1,
+            confidence: 1.0,
+            unproven: Unproven::PieceApart as u32,
+            ..FromZeros::new_zeroed()
+        };
+        a.take(0, &report);
+        let text = sentence(&tracker(&a));
+        assert!(text.contains("such as a hand") && text.contains("No face was found on 1 of"), "{text}");
+        a.take(1, &PoseReportElement { proof: Proof::Proven as u32, unproven: 0, ..report });
+        assert!(!sentence(&tracker(&a)).contains("such as a hand"));
     }
 
     #[test]

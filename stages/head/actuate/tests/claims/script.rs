@@ -118,6 +118,8 @@ pub fn report(reference: u32) -> PoseReportElement {
         apart: 0.0,
         moved: 1.0,
         confirmed: 1,
+        unproven: 0,
+        face: 1,
         proof: Proof::Proven as u32,
     }
 }

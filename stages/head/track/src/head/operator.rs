@@ -6,7 +6,7 @@ use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupErr
 use stillpoint_patient::outline::read_surface;
 use stillpoint_samples::{
     CloudShape, ConsoleCommand, Health, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
-    PoseStatus, Proof, Rejection, Sample, SurfacePieces, Verb,
+    PoseStatus, Proof, Rejection, Sample, SurfacePieces, Unproven, Verb,
 };
 
 use super::camera_sets::CameraSets;
@@ -20,6 +20,7 @@ use crate::identity::{ENOUGH, Identity, Needed, SeenFrame};
 use crate::output_frame::output_from_face;
 use crate::planned::{Limits, Planned};
 use crate::quaternion::PairedPose;
+use crate::surface::Surface;
 use crate::tracker::{HeadTracker, Loss, TrackedPose};
 use crate::uncertainty::{Uncertainty, of_three_points};
 
@@ -413,6 +414,8 @@ impl TrackHead {
             confirmed: u32::from(is_confirmed),
             proof: identity.map_or(Proof::Waiting, Identity::proof) as u32,
             moved: identity.map_or(f64::NAN, Identity::moved),
+            unproven: identity.map_or(Unproven::None, Identity::unproven) as u32,
+            face: u32::from(number > 0 && self.tracker.surface().is_some_and(Surface::has_face)),
             ..report
         }
     }

@@ -35,6 +35,8 @@ pub fn empty() -> PoseReportElement {
         reference: 0,
         confirmed: 0,
         proof: 0,
+        unproven: 0,
+        face: 0,
     }
 }
 

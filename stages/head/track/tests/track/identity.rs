@@ -6,7 +6,8 @@ use stillpoint_rig::head::Head;
 use stillpoint_rig::ray::{self, Ray};
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{
-    Health, IdentityPart, PieceState, PoseReportElement, PoseStatus, Proof, SensorHealth, SurfacePiece, Verb,
+    Health, IdentityPart, PieceState, PoseReportElement, PoseStatus, Proof, SensorHealth, SurfacePiece,
+    Unproven, Verb,
 };
 use stillpoint_testing::Bench;
 
@@ -296,6 +297,8 @@ fn a_reference_is_proven_by_a_movement_of_all_its_parts_and_fails_without() {
     };
     assert_eq!(at(&mut still, 9_900), Proof::Waiting as u32);
     assert_eq!(at(&mut still, 10_200), Proof::Failed as u32);
+    let failed = feed(&mut still, &head(&camera_from_body())).report;
+    assert_eq!((failed.unproven, failed.face), (Unproven::TooLittleMotion as u32, 0));
     // A movement after the limit proves nothing any more.
     still.at(10_300 * MS);
     let late = feed(&mut still, &head(&moved([0.0, 0.0, 3e-3], [0.0; 3])));

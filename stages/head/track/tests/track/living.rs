@@ -11,7 +11,7 @@ use serde_json::Value;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{
-    IdentityPart, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement, PoseStatus, Proof,
+    IdentityPart, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement, PoseStatus, Proof, Unproven,
 };
 use stillpoint_testing::perception::{HEAD, json, labels};
 use stillpoint_testing::{reference, run::run_keeping};
@@ -222,7 +222,7 @@ impl Scene {
             }
         }
         format!(
-            "{:18} at {first:2} head {head:.2} pose {:.2} faces {:.2} blocked {:.2} err {:.2}/{:.2}/{:.2} turn p95 {:.2} false {:.2}/{:.2}/{:.2} nees {:5.1} proven {:?} {why:?}",
+            "{:18} at {first:2} head {head:.2} pose {:.2} faces {:.2} blocked {:.2} err {:.2}/{:.2}/{:.2} turn p95 {:.2} false {:.2}/{:.2}/{:.2} nees {:5.1} proven {:?}, cause and face {:?} {why:?}",
             self.name,
             self.share(|_| true),
             self.share(|f| f.is_face),
@@ -236,6 +236,7 @@ impl Scene {
             quantile(&mut faces, 1.0),
             mean(&nees),
             self.proven.map(|k| k as f64 / 10.0),
+            self.frames.last().map(|f| (f.report.unproven, f.report.face)),
         )
     }
 }
@@ -371,6 +372,11 @@ fn heads_are_followed_although_necks_bend_faces_move_and_arms_block_the_view() {
         let face = scene.false_motion().iter().copied().fold(0.0, f64::max);
         assert!(scene.share(|_| true) >= 0.9 && face < 2.0, "{}", scene.line());
     }
+    // Who yawns before the proof is not proven, and the report says why.
+    let yawns = all.iter().find(|scene| scene.name == "yawn_jaw").unwrap();
+    let last = yawns.frames.last().unwrap().report;
+    assert_eq!((last.proof, last.unproven), (Proof::Waiting as u32, Unproven::FaceMoves as u32));
+    assert!(all.iter().all(|scene| scene.frames.iter().all(|f| f.report.face == 1)));
     // No doubt once the neck bends, as before, in more than half of the frames.
     let turns = all.iter().find(|scene| scene.name == "neutral_turns").unwrap();
     assert!(turns.share(|_| true) > 0.95, "{}", turns.line());

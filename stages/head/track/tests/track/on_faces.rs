@@ -7,7 +7,7 @@ use stillpoint_mechanics::random::Random;
 use stillpoint_rig::head::Head;
 use stillpoint_rig::ray::{self, Ray};
 use stillpoint_rig::shape::Ellipsoid;
-use stillpoint_samples::{PoseStatus, Proof};
+use stillpoint_samples::{PoseReportElement, PoseStatus, Proof, Unproven};
 use stillpoint_testing::Bench;
 use stillpoint_track::tracker::HeadTracker;
 
@@ -58,15 +58,22 @@ fn frame(bench: &mut Bench, number: u32, cloud: &[Vector3<f64>]) -> Said {
     feed(bench, cloud)
 }
 
-/// The head breathes for 6 s while the camera sees it so, with this noise. Returns the proof then.
-fn breathe(noise: f64, seen: impl Fn(&Isometry3<f64>) -> Vec<Vector3<f64>>) -> u32 {
+/// The head breathes for 6 s while the camera sees it so, with this noise. Returns the report then.
+fn breathe(noise: f64, seen: impl Fn(&Isometry3<f64>) -> Vec<Vector3<f64>>) -> PoseReportElement {
     let (mut bench, mut random) = (lying(str::to_owned), Random::stream(3, 0));
     let mut element = None;
     for number in 0..60 {
         let cloud = noisy(seen(&breathing(number)), noise, &mut random);
         element = Some(frame(&mut bench, number, &cloud));
     }
-    element.unwrap().report.proof
+    let report = element.unwrap().report;
+    assert_eq!(report.face, 1);
+    report
+}
+
+/// The proof, and why there is none.
+fn state(report: &PoseReportElement) -> (u32, u32) {
+    (report.proof, report.unproven)
 }
 
 #[test]
@@ -91,7 +98,12 @@ fn a_breath_proves_a_face_with_what_moves_with_it_and_none_with_what_is_at_rest_
             let at_rest = |head: &Isometry3<f64>| head.inverse() * (camera_from_body() * middle) - middle;
             let with = breathe(noise, |head| cloud(head, Vector3::zeros()));
             let rests = breathe(noise, |head| cloud(head, at_rest(head)));
-            assert_eq!((with, rests), (Proof::Proven as u32, Proof::Waiting as u32), "{middle} {noise}");
+            assert_eq!(state(&with), (Proof::Proven as u32, Unproven::None as u32), "{middle} {noise}");
+            assert_eq!(
+                state(&rests),
+                (Proof::Waiting as u32, Unproven::PieceApart as u32),
+                "{middle} {noise}"
+            );
         }
     }
 }
@@ -102,7 +114,8 @@ fn a_breath_proves_a_face_in_a_mask_that_moves_with_it_and_none_in_one_at_rest()
     for noise in NOISES {
         let with = breathe(noise, |head| masked(head, &Isometry3::identity(), true));
         let rests = breathe(noise, |head| masked(head, &at_rest(head), true));
-        assert_eq!((with, rests), (Proof::Proven as u32, Proof::Waiting as u32), "{noise}");
+        assert_eq!(state(&with), (Proof::Proven as u32, Unproven::None as u32), "{noise}");
+        assert_eq!(state(&rests), (Proof::Waiting as u32, Unproven::Mixed as u32), "{noise}");
     }
 }
 

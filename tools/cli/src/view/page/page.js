@@ -77,7 +77,8 @@ const marks = row => {
   const state = code(about.words.states, row.valves);
   mark("beam", `beam ${row.beam === null ? "-" : row.beam ? "on" : "off"}`, row.beam ? "good" : "");
   mark("valves", `valves ${state}`, { armed: "good", fault: "bad" }[state] ?? "");
-  mark("tracker", `tracker ${code(about.words.tracker, row.tracker)}, reference ${code(about.words.proof, row.proof)}`, "");
+  const why = row.unproven ? ` (${code(about.words.unproven, row.unproven)})` : "";
+  mark("tracker", `tracker ${code(about.words.tracker, row.tracker)}, reference ${code(about.words.proof, row.proof)}${why}`, "");
   const parts = [];
   const against = words(about.words.beam, row.reasons);
   const valves = words(about.words.valves, row.valves_reasons);
