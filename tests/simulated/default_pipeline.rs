@@ -2,6 +2,7 @@
 
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_operator::{Registry, Stage};
+use stillpoint_pipeline::graph::Priority;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{
     Actuation, ActuationReason, ActuationState, DepthImage, FarEnd, FarEndDoing, Gate, GateReason, Pose,
@@ -327,6 +328,15 @@ fn two_runs_send_the_same_bytes_and_another_seed_others() {
     }
     let other = default_pipeline(&[("seed: 7", "seed: 8")], 1500);
     assert!(a.bytes("rig.depth") != other.bytes("rig.depth"));
+}
+
+#[test]
+fn law_valves_and_beam_ask_for_a_priority_where_the_machine_allows_it_and_no_other_process_does() {
+    let graph = default_pipeline(&[], 1).graph;
+    for process in &graph.processes {
+        let asked = if process.name == "control" { Priority::FifoIfAllowed(40) } else { Priority::Normal };
+        assert_eq!(process.priority, asked, "{}", process.name);
+    }
 }
 
 #[test]
