@@ -13,6 +13,8 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Time from which a hold is judged, s.
 const FROM: f64 = 10.0;
+/// A head that is this near to its target is held: mm and degrees.
+const NEAR: [f64; 2] = [0.4, 0.2];
 /// Time after a cough from which the head between eight bladders is judged, s.
 const CALM: f64 = 1.0;
 /// The pipeline with eight bladders.
@@ -61,6 +63,10 @@ struct Held {
     calm: [f64; 6],
     /// Greatest distance from 1 s after a cough on, in the same order.
     worst_calm: [f64; 6],
+    /// Fraction of the time within 0.4 mm and 0.2 degrees of the target in all coordinates that the rig moves.
+    near: f64,
+    /// The same of the same head and person whose valves nobody arms, so that they stay shut.
+    near_without: f64,
     /// Fraction of the time with the beam on.
     beam: f64,
     /// Number of coughs that ended 2 s before the end of the run or earlier.
@@ -93,11 +99,11 @@ impl Hold {
     }
 
     fn run(&self, seed: u64, registry: &Registry) -> Result<Held, Failure> {
-        let mut plan = match self.body {
+        let (mut plan, script) = match self.body {
             Body::Three => {
                 let mut plan = laws::plan(self.law, "5 s", seed);
                 plan.sets.push("target.moves=[]".to_owned());
-                plan
+                (plan, "{ at: 500 ms, say: capture, repeat: 3 s }, { at: 1 s, say: confirm, repeat: 500 ms }")
             }
             Body::Eight => {
                 let mut plan = RunSpec {
@@ -105,7 +111,7 @@ impl Hold {
                     ..RunSpec::from_camera_to_valve()
                 };
                 plan.sets.extend([format!("seed={seed}"), format!("rig.seed={seed}")]);
-                plan
+                (plan, "{ at: 900 ms, say: confirm, repeat: 500 ms }")
             }
         };
         plan.sets.push("rig.motion=nods".to_owned());
@@ -115,8 +121,11 @@ impl Hold {
         if let Some(name) = course.failed.first() {
             return Err(Failure::failed(format!("seed {seed}: {name} failed")));
         }
+        let mut free = plan.clone();
+        free.sets.push(format!("console.script=[{script}]"));
+        let free = Course::of(&free, registry)?;
         let person = Involuntary { habit: Habit::Nods, seed, strength: 1.0, irregularity: 0.0 };
-        judge(&course, seed, &person, self.seconds)
+        judge(&course, &free, seed, &person, self.seconds)
             .ok_or_else(|| Failure::failed(format!("seed {seed}: there was no target from {FROM} s on")))
     }
 }
@@ -127,7 +136,15 @@ fn all(point: &Point) -> [f64; 6] {
     [z, pitch, roll, x, y, yaw]
 }
 
-fn judge(course: &Course, seed: u64, person: &Involuntary, seconds: f64) -> Option<Held> {
+/// Fraction of the points within 0.4 mm and 0.2 degrees of the target, in the coordinates that are known.
+fn near(points: &[Point]) -> f64 {
+    let [mm, degrees] = NEAR;
+    let limits = [mm, degrees, degrees, mm, mm, degrees];
+    let is_near = |p: &&Point| all(p).iter().zip(limits).all(|(off, limit)| off.is_nan() || off.abs() <= limit);
+    points.iter().filter(is_near).count() as f64 / points.len() as f64
+}
+
+fn judge(course: &Course, free: &Course, seed: u64, person: &Involuntary, seconds: f64) -> Option<Held> {
     let points = course.since(FROM);
     let first = points.first()?;
     let ends = ends(person, first.time, seconds - 2.0);
@@ -143,6 +160,8 @@ fn judge(course: &Course, seed: u64, person: &Involuntary, seconds: f64) -> Opti
         rms: root_mean_square(points.iter()),
         calm: root_mean_square(calm.iter().copied()),
         worst_calm,
+        near: near(points),
+        near_without: near(free.since(FROM)),
         beam,
         coughs: ends.len(),
         recovered: ends.iter().map(|end| recovered(course, *end)).fold(0.0, f64::max),
@@ -194,12 +213,16 @@ fn print(found: &[Held]) {
     let six = |v: &[f64; 6]| v.iter().map(|v| format!("{v:>7.3}")).collect::<String>();
     for f in found {
         outln!(
-            "seed {:>2}: RMS{}; from 1 s after coughs on RMS{}, greatest{}; beam on {:.1} %; {} coughs, back within {:.2} s; \
+            "seed {:>2}: RMS{}; from 1 s after coughs on RMS{}, greatest{}; within {} mm and {} degrees {:.1} % of the time, {:.1} % without holding; beam on {:.1} %; {} coughs, back within {:.2} s; \
              least force {:.1} N, least margin {:.1} N, {:.1} % slid, {:.1} kPa {}",
             f.seed,
             six(&f.rms),
             six(&f.calm),
             six(&f.worst_calm),
+            NEAR[0],
+            NEAR[1],
+            100.0 * f.near,
+            100.0 * f.near_without,
             100.0 * f.beam,
             f.coughs,
             f.recovered,
@@ -215,6 +238,15 @@ fn print(found: &[Held]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_head_is_near_only_in_all_coordinates_that_its_rig_moves() {
+        let across = [f64::NAN; 3];
+        let at = |moved: [f64; 3]| Point { moved, across, ..Point::default() };
+        let [on, high, turned] = [[0.3, 0.1, -0.1], [0.5, 0.0, 0.0], [0.0, 0.0, 0.3]].map(at);
+        let aside = Point { across: [0.0, 0.5, 0.0], ..on };
+        assert_eq!([near(&[on]), near(&[on, high]), near(&[turned, aside, on, on])], [1.0, 0.5, 0.5]);
+    }
 
     #[test]
     fn a_cough_ends_once_and_the_head_is_back_when_it_stays_within() {
