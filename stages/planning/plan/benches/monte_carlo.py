@@ -10,6 +10,12 @@ first and supine. Tissue is water of the density that the machine file gives, as
 
 Electrons scatter by the law that is the program's default; its tables take some minutes at the beginning. The kernels of the
 machine file were made with a simpler law of the same program, and with its cross sections.
+The output of a machine is calibrated in the field of 100 mm, 100 mm deep in water: there stillpoint has 1 Gy for a weight of 1.
+
+    /tmp/mc/bin/python stages/planning/plan/benches/monte_carlo.py calibration MACHINE.json 60
+
+prints what the Monte Carlo program has there.
+
 Photons leave a point source through the blurred squares of the bixels. The spectrum is that of the kernels, and the unit is
 absolute: nothing is scaled to fit. The noise of D98 and D2 is taken out by extrapolation from half of the photons to all.
 """
@@ -137,6 +143,23 @@ def chunk(seed):
     return np.asarray(result.dose) * (photons.total * taken * machine["superposition"]["gray_per_mev_g"])
 
 
+def calibration(machine_path, millions):
+    """Mean dose within 15 mm of the axis and 10 mm of the depth of the calibration, gray for a weight of 1, by ten parts."""
+    machine = json.loads(pathlib.Path(machine_path).read_text(encoding="utf-8"))
+    field = {"gantry_deg": 0.0, "bixels_x_z_mm_weight": [[0.0, 0.0, 1.0]]}
+    photons = Photons({"beams": [field], "dose": {"bixel_mm": 100.0}, "isocentre_mm": [0.0, 0.0, 0.0]}, machine)
+    grid = VoxelGrid.uniform_water(shape=(60, 60, 60), spacing=(0.5,) * 3, origin=(-15.0, -10.0, -15.0))
+    engine = WarpEngine(grid=grid, cross_sections=AnalyticCrossSections(grid.max_density_by_material()), device="cpu")
+    parts = []
+    for seed in range(10):
+        source, taken = photons.drawn(int(float(millions) * 1e5), np.random.default_rng(seed))
+        count = int(float(millions) * 1e5 * taken) // 5 * 5
+        result = engine.run(source, n_histories=count, n_batches=5, seed=seed)
+        dose = np.asarray(result.dose)[27:33, 18:22, 27:33].mean()
+        parts.append(dose * photons.total * taken * machine["superposition"]["gray_per_mev_g"])
+    print(f"{np.mean(parts):.4f} +- {np.std(parts, ddof=1) / 10**0.5:.4f} Gy in place of 1 Gy")
+
+
 def reported(folder, counts):
     file = pydicom.dcmread(pathlib.Path(folder) / "rtdose.dcm")
     dose = (file.pixel_array * float(file.DoseGridScaling)).transpose(2, 1, 0)
@@ -200,4 +223,4 @@ def main(case, folder, machine_path, millions, processes):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    calibration(*sys.argv[2:]) if sys.argv[1] == "calibration" else main(*sys.argv[1:])
