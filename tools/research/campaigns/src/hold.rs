@@ -140,7 +140,8 @@ fn all(point: &Point) -> [f64; 6] {
 fn near(points: &[Point]) -> f64 {
     let [mm, degrees] = NEAR;
     let limits = [mm, degrees, degrees, mm, mm, degrees];
-    let is_near = |p: &&Point| all(p).iter().zip(limits).all(|(off, limit)| off.is_nan() || off.abs() <= limit);
+    let is_near =
+        |p: &&Point| all(p).iter().zip(limits).all(|(off, limit)| off.is_nan() || off.abs() <= limit);
     points.iter().filter(is_near).count() as f64 / points.len() as f64
 }
 

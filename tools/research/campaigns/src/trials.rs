@@ -151,6 +151,8 @@ pub fn without_camera(mut plan: RunSpec) -> RunSpec {
         (camera.as_str(), NOISE),
         ("      reference: head.report\n", ""),
         ("[cloud, face, head, filter]", "[head, filter]"),
+        (", repeat: 3 s }, { at: 1 s, say: confirm, repeat: 500 ms }", " }"),
+        (", report: { from: head.report, delay: 20 ms }", ""),
         ("head.report, ", ""),
         (", report: head.report", ""),
         SEEING,
