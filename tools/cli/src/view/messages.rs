@@ -105,8 +105,8 @@ fn held(row: &Row) -> Value {
         "valves_reasons": ActuationReason::words(row.valves_reasons).collect::<Vec<_>>(),
         "valves_fault": ActuationReason::words(row.fault).collect::<Vec<_>>(),
         "tracker": row.tracker.and_then(PoseStatus::from_number).map(PoseStatus::word),
-        "unproven": row.unproven.filter(|u| *u != 0).and_then(Unproven::from_number).map(Unproven::word),
         "proof": row.proof.and_then(Proof::from_number).map(Proof::word),
+        "unproven": row.unproven.filter(|u| *u != 0).and_then(Unproven::from_number).map(Unproven::word),
         "confidence": row.confidence,
     })
 }
