@@ -75,7 +75,8 @@ const KINDS: [(&str, Pace, Changes); COUNT] = [
     ("late", FAST, LATE),
     ("heavy", SLOW, &[]),
     ("noise", FAST, NOISY),
-    ("stuck", FAST, &[]),
+    // Without measured pressures, a stuck valve and a leak end the run as a fault.
+    ("stuck", FAST, MEASURED),
     ("leak", FAST, MEASURED),
 ];
 
