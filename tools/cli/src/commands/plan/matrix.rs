@@ -60,9 +60,10 @@ impl Export {
         let prepared = loop {
             let prepared = Prepared::new(&request, pooled.as_mut())?;
             let Some(pooled) = &mut pooled else { break prepared };
-            let is_in_doubt = pooled.is_in_doubt()?;
+            let is_in_doubt = pooled.is_in_doubt();
             pooled.print_news();
             if !is_in_doubt {
+                pooled.adopt_doses()?;
                 pooled.write_record()?;
                 break prepared;
             }

@@ -52,7 +52,8 @@ pub fn plan(
         let searched = searched(request, patient.weights.as_deref(), pooled.as_mut())?;
         let Some(pooled) = &mut pooled else { break searched };
         pooled.print_news();
-        if !pooled.is_in_doubt()? {
+        if !pooled.is_in_doubt() {
+            pooled.adopt_doses()?;
             if !searched.request.quiet {
                 pooled.print_notes(&searched.runs.0);
             }

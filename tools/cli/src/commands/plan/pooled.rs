@@ -55,14 +55,16 @@ impl Pooled {
     }
 
     /// Whether answers of a worker that was shut out are part of what was computed: then it must be computed again, without
-    /// their doses. Doses in no doubt go into the folder.
-    pub fn is_in_doubt(&mut self) -> Result<bool, Failure> {
+    /// their doses.
+    pub fn is_in_doubt(&mut self) -> bool {
         let tainted = self.pool.take_tainted();
         self.made.remove(&tainted);
-        if tainted.is_empty() {
-            self.made.adopt().map_err(Failure::failed)?;
-        }
-        Ok(!tainted.is_empty())
+        !tainted.is_empty()
+    }
+
+    /// Puts the doses of workers into the folder. Only what is in no doubt may be.
+    pub fn adopt_doses(&mut self) -> Result<(), Failure> {
+        self.made.adopt().map_err(Failure::failed)
     }
 
     /// Tells on standard error what happened to workers.
